@@ -77,7 +77,9 @@ class _Site(NetworkStage):
     ) -> None:  # fmt: skip
         self.found.append(Standing(name, body, place, size or size_of(body)))
 
-    def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+    def is_free(
+        self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
+    ) -> bool:
         return True
 
     def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:

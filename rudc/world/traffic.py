@@ -93,6 +93,8 @@ class Traffic:
             for movement in network.movements
         }
         """lanes that each movement uses on each edge of its arm, outermost edge first"""
+        self.entries = list({lane.id: lane for edges in self._inbound.values() for lane in edges[0]}.values())
+        """lanes on which further SVs enter"""
         self.bends = Bends(sumo, network)
 
     def begin(self, plan: TrafficPlan, rng: np.random.Generator) -> None:

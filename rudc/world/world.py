@@ -26,6 +26,7 @@ from rudc.world.config import EgoDriver, WorldConfig
 from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, grip_of, realised, within_limits
+from rudc.world.entering import ego_against
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import IN_SIGHT_S, Collision, judge
 from rudc.world.kernels import largest
@@ -352,7 +353,8 @@ class World:
         """Read the SVs anew, let others enter where some have left."""
         self._reader.read()
         if self.traffic.missing > 0:
-            self.traffic.refill(self._reader.rears())
+            against = ego_against(self.traffic, self._plant.state, self.vehicle)
+            self.traffic.refill([*self._reader.rears(), *against])
 
     def _look(self) -> Scene:
         """Compose the scene from what was read, and find what is near the ego."""

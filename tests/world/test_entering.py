@@ -56,6 +56,28 @@ def test_who_enters_behind_an_ego_at_the_outer_end_can_stop_behind_it(world):
     assert came >= 3
 
 
+def test_nobody_enters_where_the_ego_comes_against_them(world):
+    """They appeared 2 m before an ego in the lane of oncoming traffic: SUMO took it to be in its own lane."""
+    x, y, psi = world.network.place_on_lane("west_in_0", 108)
+    elsewhere = 0
+    for seed in range(4):
+        world.reset(PlanSource(density=60.0, origin="south").plan(seed))
+        for v in (8.0, 0.0):
+            world.put_ego(x, y, psi + np.pi, v)
+            world.traffic.density = 200.0
+            for _ in range(15):
+                known = set(world.scene().ids)
+                world.advance(np.array([-4.0 if v else 0.0, 0.0]))
+                scene = world.scene()
+                new = np.array([name not in known for name in scene.ids], bool)
+                in_lane = new & (np.abs(scene.position[:, 1] - y) < 1.0) & (scene.position[:, 0] < x)
+                gap = scene.ego.x - scene.position[in_lane, 0] - 5.0
+                speed, stops = np.hypot(*scene.velocity[in_lane].T), scene.ego.v**2 / 8.0
+                assert (speed**2 < 2 * 4.0 * (gap - stops)).all()
+                elsewhere += int(new.sum() - in_lane.sum())
+    assert elsewhere > 0
+
+
 def test_at_first_traffic_stands_all_along_arms_of_several_edges(world_on, tmp_path):
     """It stood on their outermost edges, and driving away on their innermost ones only."""
     path = in_pieces(tmp_path)

@@ -7,7 +7,7 @@ import pytest
 
 from rudc.geometry import rectangle_corners
 from rudc.network.polyline import arc_length, offset_polyline, resample
-from rudc.world.events.stage import _obstructed
+from rudc.world.entering import obstructed
 
 BEND = np.array([[-140.0, -18.0], [-80.0, -8.0], [-40.0, -2.0], [0.0, 0.0]])
 """m, a road whose chord lies 4 m beside it"""
@@ -25,10 +25,10 @@ def test_what_stands_in_a_lane_leaves_the_lane_beside_it_free(s):
     here, on = resample(right.xy, np.array([s, s + 0.1]))
     heading = np.arctan2(*(on - here)[::-1])
     corners = rectangle_corners(here, np.array(heading), np.array([5.0, 1.8]))
-    first, last = _obstructed(right, corners, FREE)
+    first, last = obstructed(right, corners, FREE)
     assert first == pytest.approx(s - 2.5, abs=0.3)
     assert last == pytest.approx(s + 2.5, abs=0.3)
-    assert _obstructed(left, corners, FREE) is None
+    assert obstructed(left, corners, FREE) is None
 
 
 def test_in_bends_stretches_are_counted_as_the_file_states_lengths():
@@ -36,8 +36,8 @@ def test_in_bends_stretches_are_counted_as_the_file_states_lengths():
     drawn = lane(-1.5 * WIDTH)
     stated = SimpleNamespace(xy=drawn.xy, width=WIDTH, length=1.1 * drawn.length)
     corners = rectangle_corners(resample(drawn.xy, np.array([100.0]))[0], np.array(0.1), np.array([5.0, 1.8]))
-    assert _obstructed(stated, corners, FREE) == pytest.approx(
-        [1.1 * s for s in _obstructed(drawn, corners, FREE)]
+    assert obstructed(stated, corners, FREE) == pytest.approx(
+        [1.1 * s for s in obstructed(drawn, corners, FREE)]
     )
 
 
@@ -45,6 +45,6 @@ def test_in_bends_stretches_are_counted_as_the_file_states_lengths():
 def test_on_a_stub_of_lane_no_stretch_ends_before_it_begins(length, blocked):
     stub = SimpleNamespace(xy=np.array([[0.0, 0.0], [length, 0.0]]), width=WIDTH, length=length)
     corners = rectangle_corners(np.array([0.5 * length, 0.0]), np.array(0.0), np.array([5.0, 1.8]))
-    span = _obstructed(stub, corners, FREE)
+    span = obstructed(stub, corners, FREE)
     assert (span is not None) == blocked
     assert span is None or 0.0 < span[0] < span[1] < length

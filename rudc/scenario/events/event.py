@@ -99,15 +99,17 @@ class Effect(ABC, Generic[E]):
 
     def put(self, stage: Stage, things: Sequence[Thing]) -> bool:
         """Put things on the road that stand there. False while something that will be taken away is in a
-        place of theirs; then, for WAITS_S at most, while somebody is there or could not stop before it.
+        place of theirs; then, for WAITS_S at most, while somebody is there or could not stop before it. Who
+        that is includes the ego once the event has waited, since by then its trigger need not hold any more.
         """
         taken = any(stage.is_taken_for_now(*thing) for thing in things)
-        if self.waits_since_s is None or taken:
-            self.waits_since_s = stage.time_s
+        has_waited = self.waits_since_s is not None
+        since_s = stage.time_s if self.waits_since_s is None or taken else self.waits_since_s
+        self.waits_since_s = since_s
         if taken:
             return False
-        waits = stage.time_s < self.waits_since_s + WAITS_S - ROUNDED_S
-        if waits and not all(stage.is_free(*thing) for thing in things):
+        waits = stage.time_s < since_s + WAITS_S - ROUNDED_S
+        if waits and not all(stage.is_free(*thing, for_ego=has_waited) for thing in things):
             return False
         for i, thing in enumerate(things):
             stage.stand(f"{self.name}:{i}", *thing, for_now=_duration_of(self.event) is not None)

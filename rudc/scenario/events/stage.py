@@ -152,9 +152,11 @@ class Stage(ABC):
         """
 
     @abstractmethod
-    def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
-        """Whether nobody who drives or walks, the ego apart, is where something would stand, or would come
-        there even braking hard. `size` as in `stand`."""
+    def is_free(
+        self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
+    ) -> bool:
+        """Whether nobody who drives or walks is where something would stand, or would come there even braking
+        hard; with `for_ego` nor the ego. `size` as in `stand`."""
 
     @abstractmethod
     def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:

@@ -12,9 +12,10 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
-from rudc.network.polyline import arc_length, beside
+from rudc.network.polyline import arc_length
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import DRY, GRAVITY, grip_of
+from rudc.world.entering import obstructed
 from rudc.world.events.patches import Patches
 from rudc.world.events.places import (
     ON_THE_ROAD,
@@ -29,7 +30,6 @@ from rudc.world.events.places import (
 from rudc.world.events.selection import pick
 from rudc.world.props import BRAKING, LATE_S, Prop, gaps_to_ways, standing, stopping_way
 from rudc.world.scene import Kind, Scene
-from rudc.world.spawn import ROUNDED_M
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
@@ -200,11 +200,13 @@ class WorldStage(NetworkStage):
             self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for lane in self.network.lanes.values():
-            span = None if lane.internal else _obstructed(lane, corners, self.traffic.needs_m)
+            span = None if lane.internal else obstructed(lane, corners, self.traffic.needs_m)
             if span is not None:
                 self._block(name, lane, *span)
 
-    def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+    def is_free(
+        self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
+    ) -> bool:
         if self.scene is None:
             return True
         stand = {prop.name for prop in self.props if not prop.moves}
@@ -213,6 +215,7 @@ class WorldStage(NetworkStage):
         way = stopping_way(self.scene, LATE_S, min(BRAKING, self.traffic.grip))[rows]
         free = bool((gaps_to_ways(self.scene, rows, way, (*place, length, width)) > 0.0).all())
         free = free and self._clear_of_new(place, (length, width), only_moving=True)
+        free = free and not (for_ego and self._too_near(place, (length, width)))
         self.no_room |= not free
         return free
 
@@ -372,16 +375,3 @@ class WorldStage(NetworkStage):
 
 def _as_standing(prop: Prop) -> Standing:
     return Standing(prop.name, prop.kind.name.lower(), prop.pose(), (prop.length, prop.width))
-
-
-def _obstructed(lane: Lane, corners: Array, free: float) -> tuple[float, float] | None:
-    """From where to where (m of SUMO's positions on the lane) a rectangle with these corners (4, 2) leaves
-    less than `free` m to a side of a lane's centre line; None if it does nowhere."""
-    s, aside = beside(lane.xy, corners)
-    drawn = float(arc_length(lane.xy)[-1])
-    if abs(drawn - lane.length) > ROUNDED_M:  # SUMO gives all lanes of an edge the same length, also in bends
-        s = s * (lane.length / drawn)
-    if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
-        return None
-    start, end = max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
-    return (start, end) if end > start else None  # none on a stub: the lanes before and after it are blocked
