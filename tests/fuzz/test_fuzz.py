@@ -9,7 +9,7 @@ import sys
 
 
 def test_damaged_inputs_are_refused_in_words(tmp_path):
-    command = [sys.executable, "-m", "tests.fuzz", "--share", "0.0006", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "tests.fuzz", "--share", "0.0003", "--out", str(tmp_path)]
     command += ["--workers", "2", "--most-s", "10"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, f"{done.stdout}{done.stderr}"

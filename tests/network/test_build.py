@@ -8,9 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from rudc.cli.commands import app
+from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.network import build as network_build
 from rudc.network.build import build_network, find_program, lost_edges
+from rudc.network.check import check_network
 from rudc.network.network import load_network, shipped_networks
 
 
@@ -119,3 +121,16 @@ def test_without_netconvert_the_error_says_how_to_get_it(monkeypatch):
     monkeypatch.setattr(subprocess, "run", None)
     with pytest.raises(NetworkError, match=r"pip install .*\[networks\]"):
         build_network(shipped_networks()["four_way"].parent)
+
+
+@needs_netconvert
+def test_a_lane_that_leads_only_round_a_ring_is_named_with_what_helps(tmp_path):
+    source, folder = data_folder("results") / "held-out-39/networks/two_lane_ring", tmp_path / "ring"
+    folder.mkdir()
+    for end in ("nod", "edg"):
+        text = (source / f"two_lane_ring.{end}.xml").read_text(encoding="utf-8")
+        both = re.sub(r'(id="ring_[^>]*numLanes=)"1"', r'\1"2"', text)  # all round; no .con.xml
+        (folder / f"ring.{end}.xml").write_text(both, encoding="utf-8")
+    (told,) = (w for w in check_network(build_network(folder), "RE").warnings if "nowhere" in w)
+    assert told.startswith("lane west_in_1 leads nowhere")
+    assert "do not change lanes on a ring" in told
