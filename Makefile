@@ -43,7 +43,7 @@ setup: .venv/.kernels
 	@touch $@
 
 .venv/.dev: .venv/.core
-	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels .venv/.tools  # pip uses one core
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels .venv/.tools  # at once, since pip uses one core only
 	@touch $@
 
 .venv/.docs: .venv/.core

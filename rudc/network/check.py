@@ -195,13 +195,13 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         if lane.refuses:
             yield f"lane {name} refuses {', '.join(lane.refuses)}; such traffic cannot appear on it"
         if lane.id in arm.in_lanes and lane.id not in used:
-            why = (
+            helps = (
                 "; ways do not change lanes on a ring, so the ring's lane that it enters must reach an exit "
                 "(connections in a .con.xml)"
+                if network.is_roundabout
+                else ""
             )
-            yield (
-                f"lane {name} leads nowhere: no way from it reaches another arm" + why * network.is_roundabout
-            )
+            yield f"lane {name} leads nowhere: no way from it reaches another arm{helps}"
     yield from _shared_lanes(network, arm)
     for speed, names in fast.items():
         have = f"lanes {', '.join(names)} have" if len(names) > 1 else f"lane {names[0]} has"
