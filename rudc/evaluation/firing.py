@@ -100,6 +100,11 @@ class Hit(NamedTuple):
     """with whom: `car`, `pedestrian`, ..."""
     fault: str
     """whose fault: `ego`, `other` or `shared`"""
+    sudden: bool
+    """whether an event put it so near that the ego could not stop"""
+
+    def __str__(self) -> str:
+        return f"{self.hit}, fault {self.fault}{' (put too near to stop)' * self.sudden}"
 
 
 class Tried(NamedTuple):
@@ -131,10 +136,7 @@ class Tried(NamedTuple):
         seeds = self.seeds[outcome]
         if outcome == Outcome.SUCCESS:
             return ""
-        named = [
-            f"{seed}: {met.hit}, fault {met.fault}" if (met := self.hits.get(seed)) else str(seed)
-            for seed in sorted(seeds)
-        ]
+        named = [f"{seed}: {met}" if (met := self.hits.get(seed)) else str(seed) for seed in sorted(seeds)]
         between = "; " if self.hits.keys() & set(seeds) else ", "
         return f" (seed{'s' * (len(seeds) != 1)} {between.join(named)})"
 
@@ -152,31 +154,33 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
             while waiting:
                 seed = waiting.popleft()
                 try:
-                    nearest = _Nearest(episode)
-                    record = run_episode(episode, scenario.plan(seed), agent, watch=nearest.look)
+                    seen = _Seen(episode)
+                    record = run_episode(episode, scenario.plan(seed), agent, watch=seen.look)
                 except RudcError as error:
                     wrong.append(f"seed {seed}: {error}")
                     break
                 ended.setdefault(record.outcome, []).append(seed)
-                driven = episode.metrics()
-                if driven.hit:
-                    hits[seed] = Hit(driven.hit, driven.fault)
+                if seen.hit:
+                    hits[seed] = seen.hit
                 _count(found, world, seed)
-                for number, gap in nearest.gaps.items():
+                for number, gap in seen.gaps.items():
                     found[number - 1].nearest_m[seed] = gap
     return Tried(found, ended, wrong, hits)
 
 
-class _Nearest:
-    """How near the ego comes, in one episode, to those on whom each event acts."""
+class _Seen:
+    """How near the ego comes, in one episode, to those on whom each event acts, and whom it hits."""
 
     def __init__(self, episode: Episode) -> None:
         self._episode = episode
         self.gaps: dict[int, float] = {}
         """number of an event -> m, least gap so far"""
+        self.hit: Hit | None = None
 
     def look(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Look at the scene after a decision."""
+        if met := result.advance.collision:
+            self.hit = Hit(met.kind.name.lower(), met.fault, met.sudden)
         truth, world = self._episode.truth, self._episode.world
         ego, gaps = truth.ego, None
         for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):

@@ -39,6 +39,8 @@ class Collision(NamedTuple):
     other: str
     kind: Kind
     fault: Fault
+    sudden: bool = False
+    """whether an event put it so near that the ego could not stop (rule 0)"""
 
 
 def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:

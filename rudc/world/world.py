@@ -340,7 +340,7 @@ class World:
         scene = scene if hit in scene.ids else before
         index, held = scene.ids.index(hit), hit in self._for_ego and self._sumo.stood(hit) < IN_SIGHT_S
         fault = judge(scene, index, hit in self.stage.unlawful, held, hit in self.stage.sudden)
-        return Collision(hit, Kind(scene.kind[index]), fault)
+        return Collision(hit, Kind(scene.kind[index]), fault, hit in self.stage.sudden)
 
     # ---- after the sub-steps
 
