@@ -1,4 +1,4 @@
-"""What of a lane a body takes, and where the ego drives against those who enter at its beginning."""
+"""Which part of a lane a body takes, and where the ego comes towards those who enter the road."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners
 from rudc.network.polyline import arc_length, beside
+from rudc.world.ego import grip_of
 from rudc.world.spawn import BRAKING, ROUNDED_M
 
 if TYPE_CHECKING:
     from rudc.network.road import Lane
-    from rudc.vehicle import EgoVehicle
-    from rudc.world.scene import EgoState
+    from rudc.world.ego import EgoPlant
     from rudc.world.traffic import Traffic
 
 NEAR_M = 60.0
@@ -36,15 +36,16 @@ def obstructed(lane: Lane, corners: Array, free: float) -> tuple[float, float] |
     return (start, end) if end > start else None  # none on a stub: the lanes before and after it are blocked
 
 
-def ego_against(traffic: Traffic, ego: EgoState, body: EgoVehicle) -> Iterator[tuple[str, float, float]]:
-    """Those of the lanes on which SVs enter against whose direction the ego drives, so that somebody there
-    has no room beside it. For each: its id, up to where the way is open if the ego brakes (m along the lane),
-    and 0 m/s. SUMO takes the ego to be in the lane of its own direction.
+def ego_against(traffic: Traffic, plant: EgoPlant) -> Iterator[tuple[str, float, float]]:
+    """The lanes on which SVs enter and in which the ego comes towards them, leaving no room beside it. For
+    each: its id, up to where (m along it) an SV could drive while the ego brakes, and 0 m/s, as in
+    `Reader.rears`. SUMO takes the ego to be only in the lane of its own direction.
     """
+    ego, size = plant.state, np.array([plant.vehicle.length, plant.vehicle.width])
     for lane in traffic.entries:
         if math.dist(lane.xy[0], (ego.x, ego.y)) > NEAR_M or math.cos(ego.psi - lane.heading[0]) > 0.0:
             continue
-        place, size = np.array([ego.x, ego.y]), np.array([body.length, body.width])
-        span = obstructed(lane, rectangle_corners(place, np.array(ego.psi), size), traffic.needs_m)
+        corners = rectangle_corners(np.array([ego.x, ego.y]), np.array(ego.psi), size)
+        span = obstructed(lane, corners, traffic.needs_m)
         if span is not None:
-            yield lane.id, span[0] - ego.v**2 / (2.0 * BRAKING), 0.0
+            yield lane.id, span[0] - ego.v**2 / (2.0 * min(BRAKING, grip_of(plant.actuation))), 0.0

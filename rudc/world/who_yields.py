@@ -21,7 +21,8 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.network.conflicts import meeting
 from rudc.network.paths import SPACING
-from rudc.world.ego import Actuation, grip_of
+from rudc.vehicle import Actuation
+from rudc.world.ego import grip_of
 from rudc.world.scene import STANDING, Scene
 from rudc.world.vehicle_types import EGO
 from rudc.world.yielding import BRAKE_MOST, Yielding, must_yield

@@ -353,8 +353,8 @@ class World:
         """Read the SVs anew, let others enter where some have left."""
         self._reader.read()
         if self.traffic.missing > 0:
-            against = ego_against(self.traffic, self._plant.state, self.vehicle)
-            self.traffic.refill([*self._reader.rears(), *against])
+            rears = [*self._reader.rears(), *ego_against(self.traffic, self._plant)]
+            self.traffic.refill(rears)
 
     def _look(self) -> Scene:
         """Compose the scene from what was read, and find what is near the ego."""

@@ -11,6 +11,7 @@ from rudc.data import data_folder
 from rudc.errors import SimulationError
 from rudc.network.route import ReferencePath
 from rudc.vehicle import Actuation
+from rudc.world.entering import ego_against
 from rudc.world.kernels import overlapping
 from rudc.world.spawn import fastest_start, safe_to_start
 from tests.plans import ALL_KINDS, PlanSource, event
@@ -76,6 +77,17 @@ def test_nobody_enters_where_the_ego_comes_against_them(world):
                 assert (speed**2 < 2 * 4.0 * (gap - stops)).all()
                 elsewhere += int(new.sum() - in_lane.sum())
     assert elsewhere > 0
+
+
+def test_on_ice_an_ego_that_comes_against_them_needs_a_longer_way(world):
+    x, y, psi = world.network.place_on_lane("west_in_0", 90)
+    world.reset(PlanSource(origin="south").plan(0))
+    world.put_ego(x, y, psi + np.pi, 8.0)
+    ((lane, dry, _),) = ego_against(world.traffic, world._plant)
+    world._plant.actuation = Actuation(friction=0.2)
+    ((_, icy, _),) = ego_against(world.traffic, world._plant)
+    assert lane == "west_in_0"
+    assert dry - icy == pytest.approx(8.0**2 / 2 * (1 / (0.2 * 9.81) - 1 / 4.0))
 
 
 def test_at_first_traffic_stands_all_along_arms_of_several_edges(world_on, tmp_path):

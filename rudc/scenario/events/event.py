@@ -99,8 +99,8 @@ class Effect(ABC, Generic[E]):
 
     def put(self, stage: Stage, things: Sequence[Thing]) -> bool:
         """Put things on the road that stand there. False while something that will be taken away is in a
-        place of theirs; then, for WAITS_S at most, while somebody is there or could not stop before it. Who
-        that is includes the ego once the event has waited, since by then its trigger need not hold any more.
+        place of theirs; then, for WAITS_S at most, while somebody is there or could not stop before it. The
+        ego counts only once the event has waited: by then its trigger need not hold any more.
         """
         taken = any(stage.is_taken_for_now(*thing) for thing in things)
         has_waited = self.waits_since_s is not None

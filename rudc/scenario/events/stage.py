@@ -156,7 +156,7 @@ class Stage(ABC):
         self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
     ) -> bool:
         """Whether nobody who drives or walks is where something would stand, or would come there even braking
-        hard; with `for_ego` nor the ego. `size` as in `stand`."""
+        hard. The ego counts only with `for_ego`. `size` as in `stand`."""
 
     @abstractmethod
     def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
