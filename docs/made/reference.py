@@ -112,7 +112,8 @@ def scenario_files() -> str:
     parts = [
         "# Scenario files\n", MADE,
         "Wherever a number stands, a distribution may: `{uniform: [low, high]}`, "
-        "`{normal: {mean: m, std: s, low: l, high: h}}` or `{choice: [a, b]}`. "
+        "`{normal: {mean: m, std: s, low: l, high: h}}` or `{choice: [a, b]}`; "
+        "`{choice: [...]}` may stand for some words, too. "
         "`[]` stands for a place in a list. "
         "`rudc scenario keys` prints the same, `rudc scenario schema` a JSON Schema for editors.\n",
     ]  # fmt: skip

@@ -111,7 +111,7 @@ def keys(
     """What may stand in a scenario file: every key, its type, unit and default, and what it means.
 
     Wherever a number stands, a distribution may: `{uniform: [low, high]}`, `{normal: {mean: m, std: s,
-    low: l, high: h}}` or `{choice: [a, b]}`.
+    low: l, high: h}}` or `{choice: [a, b]}`; `{choice: [...]}` may stand for some words, too.
 
     **Example**: `rudc scenario keys hard_brake`
     """

@@ -12,6 +12,7 @@ import numpy as np
 from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
 from rudc.network.network import load_network
+from rudc.scenario.choices import possible
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
 from rudc.scenario.library import shown
@@ -180,8 +181,9 @@ def _beyond(scenario: Scenario) -> Iterator[str]:
             f"vehicles.{k}": placed for k, placed in enumerate(getattr(event, "vehicles", ()))
         }
         for key, placed in (places or {"": event}).items():
-            exit_lane = (getattr(placed, "lane", None) or getattr(placed, "arm", "")).startswith("ego_out")
-            if exit_lane and (at := likely(placed.at)[0]) > end + EgoVehicle().length:
+            names = possible(getattr(placed, "lane", None) or getattr(placed, "arm", ""))
+            in_exit = all(name.startswith("ego_out") for name in names)
+            if in_exit and (at := likely(placed.at)[0]) > end + EgoVehicle().length:
                 yield (
                     f"event {numbered(number, event.kind)}: the ego never comes to {key or 'it'}, {at:g} m "
                     f"along its exit, since it arrives {end:g} m along it (ego.destination)"

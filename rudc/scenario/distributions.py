@@ -26,6 +26,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from rudc.scenario.base import FileModel, Number, refuse, with_parts
+from rudc.scenario.choices import ChoiceParameters, Drawable
 
 FORMS = (
     "{uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be left out) "
@@ -35,7 +36,7 @@ NEAREST = 1e-9
 """standard deviations, least distance of a drawn value from the cuts of a normal distribution"""
 
 
-class Distribution(FileModel, frozen=True):
+class Distribution(Drawable, frozen=True):
     """A number that is fixed or drawn at random. `float(d)` gives the value of a fixed one."""
 
     def sample(self, rng: np.random.Generator) -> float:
@@ -222,67 +223,32 @@ class Normal(Distribution, frozen=True):
         return NormalDist(self.normal.mean, self.normal.std), *self.support
 
 
-class ChoiceParameters(FileModel, frozen=True):
-    """Values and how likely each is."""
+class Numbers(ChoiceParameters, frozen=True):
+    """Numbers and how likely each is."""
 
     values: tuple[Number, ...]
     """one of these"""
-    weights: tuple[Number, ...] | None = None
-    """relative weight of each value; by default all equal"""
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
-        return {"anyOf": [values, handler.resolve_ref_schema(handler(schema))]}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_list(cls, data: Any) -> Any:
-        return {"values": data} if isinstance(data, list | tuple) else data
-
-    @model_validator(mode="after")
-    def _check(self) -> ChoiceParameters:
-        if not self.values:
-            refuse("there is nothing to choose from", "values")
-        if self.weights is None:
-            return self
-        if len(self.weights) != len(self.values):
-            refuse(f"{len(self.weights)} weights for {len(self.values)} values", "weights")
-        for i, weight in enumerate(self.weights):
-            if weight < 0:
-                refuse(f"a weight cannot be negative, got {weight:g}", "weights", i)
-        if not 0 < sum(self.weights) < math.inf:
-            refuse("one weight at least must be above 0, and the sum of all finite", "weights")
-        return self
 
 
 class Choice(Distribution, frozen=True):
     """One of several values."""
 
-    choice: ChoiceParameters
+    choice: Numbers
     """the values; or {values: [...], weights: [...]}"""
 
     def sample(self, rng: np.random.Generator) -> float:
         """Draw one value."""
-        return float(rng.choice(self.choice.values, p=self._shares))
+        return float(rng.choice(self.choice.values, p=self.choice.shares))
 
     @property
     def mean(self) -> float:
         """Weighted mean of the values."""
-        return float(np.average(self.choice.values, weights=self._shares))
+        return float(np.average(self.choice.values, weights=self.choice.shares))
 
     @property
     def support(self) -> tuple[float, float]:
         """Least and greatest value of those that are ever drawn."""
-        drawn = [value for value, share in zip(self.choice.values, self._shares, strict=True) if share > 0.0]
-        return min(drawn), max(drawn)
-
-    @property
-    def _shares(self) -> list[float]:
-        weights = self.choice.weights or (1.0,) * len(self.choice.values)
-        return [weight / sum(weights) for weight in weights]
+        return min(self.choice.possible), max(self.choice.possible)
 
 
 def _form(value: Any) -> str | None:
@@ -388,7 +354,7 @@ def distribution(value: float | Mapping[str, object] | Distribution) -> Distribu
 
 
 def draw(value: Any, rng: np.random.Generator) -> Any:
-    """The same model, or tuple, list or dict of them, with every distribution drawn, in field order."""
-    if isinstance(value, Distribution):
+    """The same model, or tuple, list or dict of them, with every number and word drawn, in field order."""
+    if isinstance(value, Drawable):
         return value.drawn(rng)
     return with_parts(value, lambda _, part: draw(part, rng))

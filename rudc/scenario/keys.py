@@ -18,7 +18,7 @@ from rudc.scenario.distributions import Bounds, Distribution
 from rudc.scenario.events import EVENT_KINDS, Event
 from rudc.scenario.model import Scenario
 from rudc.scenario.triggers import Trigger
-from rudc.scenario.units import bounds_of, unit_of
+from rudc.scenario.units import bounds_of, may_be_chosen, unit_of
 
 
 @dataclass(frozen=True)
@@ -116,11 +116,12 @@ def _type(field: FieldInfo) -> str:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
         return f"[number, number], {numbers}" if len(bounds) == 2 else numbers
     words = ["true", "false"] if field.annotation is bool else _words(field.annotation)
+    chosen = ", or {choice: [...]}" if may_be_chosen(field) else ""
     if words:
-        return " | ".join(words)
+        return " | ".join(words) + chosen
     if get_origin(field.annotation) is dict:
         return "mapping"
-    return "text"
+    return "text" + chosen
 
 
 def _range(bounds: Bounds) -> str:

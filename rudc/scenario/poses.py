@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
-from rudc.scenario.base import FileModel, Identifier
+from rudc.scenario.base import FileModel
+from rudc.scenario.choices import ChoiceParameters, OrChoice, Place, WordChoice
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.triggers import Metre, Position
 
@@ -26,6 +27,23 @@ _MEANT = {
 }
 
 
+class VehicleTypes(ChoiceParameters, frozen=True):
+    """Types of vehicles."""
+
+    values: tuple[VehicleType, ...]
+    """one of these"""
+
+
+class VehicleTypeChoice(WordChoice, frozen=True):
+    """One of several types of vehicles."""
+
+    choice: VehicleTypes
+    """the types; or {values: [...], weights: [...]}"""
+
+
+AnyVehicleType = Annotated[VehicleType, OrChoice(VehicleTypeChoice)]
+
+
 class Pose(FileModel, frozen=True):
     """A place on the plane, by position and heading or by lane."""
 
@@ -33,7 +51,7 @@ class Pose(FileModel, frozen=True):
     """[x, y] of the centre, m east and north of the junction's centre"""
     heading: Degree = Constant(value=0.0)
     """deg, counter-clockwise from east; with `position`"""
-    lane: Identifier | None = None
+    lane: Place | None = None
     """lane it stands on, such as west_out_1"""
     at: Metre | None = None
     """m from the junction along `lane`, of its centre"""
@@ -75,7 +93,7 @@ class Pose(FileModel, frozen=True):
 class Placement(Pose, frozen=True):
     """A stationary vehicle at any pose."""
 
-    type: VehicleType = "car"
+    type: AnyVehicleType = "car"
     """what vehicle"""
 
 

@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 
 from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import FileModel
+from rudc.scenario.choices import WordChoice
 from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
 from rudc.scenario.dotted import Path
 from rudc.scenario.events.registry import EVENT_KINDS, tag_of
@@ -22,6 +23,7 @@ from rudc.scenario.units import unit_of
 _FORMS: dict[str, type[FileModel]] = {
     f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)
 }
+_WORD_FORMS: dict[str, type[FileModel]] = {"<words>": WordChoice}
 _PAIR = {"mean": 0, "std": 1}
 """places in [mean, std]"""
 
@@ -98,6 +100,8 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
         case "float_type" | "float_parsing":
             forms = f", {FORMS}" if "<constant>" in loc else ""
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
+    if "<word>" in loc:
+        context = {**context, "form": " or {choice: [...]} of them"}
     return Problem(path, _in_words(kind, value, context, detail["msg"]))
 
 
@@ -118,15 +122,16 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str) -> s
         case "finite_number":
             return f"expected a finite number, got {value}"
         case "string_type":
-            return f"expected text, got {got(value)}"
+            return f"expected text{context.get('form', '')}, got {got(value)}"
         case "string_too_short":
             return "must not be empty"
         case "literal_error":
             options = re.findall(r"'([^']*)'", context["expected"])
             near = did_you_mean(value, options) if isinstance(value, str) else ""
             drawn = isinstance(value, Mapping) and set(value) <= {"uniform", "normal", "choice"}
-            why = "; a distribution may stand where a number does" if value and drawn else ""
-            return f"expected one of {', '.join(options)}; got {got(value)}{near}{why}"
+            form = context.get("form", "")
+            why = "; a distribution may stand where a number does" if value and drawn and not form else ""
+            return f"expected one of {', '.join(options)}{form}; got {got(value)}{near}{why}"
         case "tuple_type" | "list_type":
             return f"expected a list, got {got(value)}"
         case "too_long":
@@ -209,7 +214,7 @@ def _named(model: type[FileModel]) -> dict[str, FieldInfo]:
 def _model_at(loc: Sequence[str | int], model: type[FileModel]) -> type[FileModel] | None:
     """What the mapping at an error's location is made of."""
     here: type[FileModel] | None = model
-    tags = _FORMS | {tag_of(kind): event for kind, event in EVENT_KINDS.items()}
+    tags = _FORMS | _WORD_FORMS | {tag_of(kind): event for kind, event in EVENT_KINDS.items()}
     for part in loc:
         if part in tags:
             here = tags[str(part)]

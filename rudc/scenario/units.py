@@ -1,13 +1,18 @@
-"""In which unit the number of a key is, and within which bounds: what its field's annotation says."""
+"""In which unit the number of a key is, and within which bounds, and whether a word may be drawn: what its
+field's annotation says.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic.fields import FieldInfo
 
+from rudc.scenario.choices import OrChoice
 from rudc.scenario.distributions import Bounds
+
+Mark = TypeVar("Mark")
 
 
 def unit_of(field: FieldInfo) -> str:
@@ -17,14 +22,23 @@ def unit_of(field: FieldInfo) -> str:
 
 def bounds_of(field: FieldInfo) -> list[Bounds]:
     """Bounds of a number, or of each of two."""
-    own = [part for part in field.metadata if isinstance(part, Bounds)]
-    return own or list(_bounds_in(field.annotation))
+    return _marks_of(field, Bounds)
 
 
-def _bounds_in(annotation: Any) -> Iterator[Bounds]:
+def may_be_chosen(field: FieldInfo) -> bool:
+    """Whether a file may leave a word to chance."""
+    return bool(_marks_of(field, OrChoice))
+
+
+def _marks_of(field: FieldInfo, kind: type[Mark]) -> list[Mark]:
+    own = [part for part in field.metadata if isinstance(part, kind)]
+    return own or list(_marks_in(field.annotation, kind))
+
+
+def _marks_in(annotation: Any, kind: type[Mark]) -> Iterator[Mark]:
     for part in getattr(annotation, "__metadata__", ()):
-        if isinstance(part, Bounds):
+        if isinstance(part, kind):
             yield part
     for part in get_args(annotation):
-        if not isinstance(part, Bounds):
-            yield from _bounds_in(part)
+        if not isinstance(part, kind):
+            yield from _marks_in(part, kind)

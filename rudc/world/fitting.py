@@ -18,6 +18,7 @@ from rudc.network.road import Arm, Movement
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_ARMS, EGO_LANES, stretch_by_id
 from rudc.scenario.base import FileModel, parts_of
+from rudc.scenario.choices import Drawable, WordChoice, possible
 from rudc.scenario.distributions import Distribution, Normal
 from rudc.scenario.dotted import Path
 from rudc.scenario.fit import Parts
@@ -101,7 +102,7 @@ def likely(value: Distribution | float) -> tuple[float, float]:
 
 def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
     """Every part of an event that names a place, a lane or an arm, and its own place in the file."""
-    if isinstance(value, Distribution):
+    if isinstance(value, Drawable):
         return
     if isinstance(value, FileModel):
         lane_or_arm = getattr(value, "lane", None) or getattr(value, "arm", None)
@@ -133,7 +134,7 @@ def _is_point(value: Any) -> bool:
 
 
 def _is_name(value: Any) -> bool:
-    return isinstance(value, str)
+    return isinstance(value, str | WordChoice)
 
 
 def _is_number(value: Any) -> bool:
@@ -141,15 +142,27 @@ def _is_number(value: Any) -> bool:
 
 
 def _misplaced(network: Network, movements: list[Movement], path: Path, part: Any) -> list[Problem]:
-    """The problems with a part's place, lane or arm. For one relative to the ego: those on the first route on
-    which there are any.
-    """
+    """The problems with a part's place, or with its lane or arm: with each that may be drawn."""
     if isinstance(getattr(part, "position", None), tuple):
         return _astray(network, (*path, "position"), part.position)
-    names = (getattr(part, "lane", None), getattr(part, "arm", None))
-    if not set(names) & {*EGO_LANES, *EGO_ARMS}:
-        return _misplaced_on(network, None, path, part)
-    wrong = (_misplaced_on(network, network.route(m.origin, m.destination), path, part) for m in movements)
+    key = "lane" if getattr(part, "lane", None) is not None else "arm"
+    return [
+        problem
+        for name in possible(getattr(part, key))
+        for problem in _misplaced_by_name(network, movements, path, part, key, name)
+    ]
+
+
+def _misplaced_by_name(
+    network: Network, movements: list[Movement], path: Path, part: Any, key: str, name: str
+) -> list[Problem]:
+    """The problems with a part on one lane or arm. For one relative to the ego: those on the first route on
+    which there are any.
+    """
+    if name not in (*EGO_LANES, *EGO_ARMS):
+        return _misplaced_on(network, None, path, part, key, name)
+    routes = (network.route(m.origin, m.destination) for m in movements)
+    wrong = (_misplaced_on(network, route, path, part, key, name) for route in routes)
     return next(filter(None, wrong), [])
 
 
@@ -168,9 +181,10 @@ def _astray(network: Network, path: Path, position: tuple[Distribution, Distribu
     return [Problem(path, text)]
 
 
-def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) -> list[Problem]:
-    key = "lane" if getattr(part, "lane", None) is not None else "arm"
-    name, at, length = getattr(part, key), getattr(part, "at", None), getattr(part, "length", None)
+def _misplaced_on(
+    network: Network, route: Route | None, path: Path, part: Any, key: str, name: str
+) -> list[Problem]:
+    at, length = getattr(part, "at", None), getattr(part, "length", None)
     try:
         if key == "lane":
             stretches = [network.stretch(name, route)]

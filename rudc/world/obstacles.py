@@ -18,7 +18,8 @@ from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
 from rudc.network.stretches import EGO_LANES
 from rudc.scenario.base import parts_of
-from rudc.scenario.distributions import Constant, Distribution
+from rudc.scenario.choices import Drawable
+from rudc.scenario.distributions import Constant
 from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.events import Event, effect_of
 from rudc.scenario.events.registry import ask_effect
@@ -188,7 +189,7 @@ def _at_start(route: Route, ego: Ego, path: Path, event: Event, thing: Standing)
 
 
 def _is_placed(event: Event) -> bool:
-    """Whether all numbers of an event are fixed, not drawn; its trigger (`when`) does not count."""
+    """Whether all numbers and words of an event are fixed, not drawn; its trigger (`when`) does not count."""
     return all(_is_fixed(getattr(event, name)) for name in type(event).model_fields if name != "when")
 
 
@@ -236,7 +237,7 @@ def _boxes_on_the_road(network: Network, route: Route, i: int, event: Event) -> 
 
 
 def _is_fixed(value: Any) -> bool:
-    if isinstance(value, Distribution):
+    if isinstance(value, Drawable):
         return isinstance(value, Constant)
     return all(_is_fixed(part) for _, part in parts_of(value))
 

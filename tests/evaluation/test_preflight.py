@@ -279,6 +279,8 @@ events:
   - {kind: lane_closure, lane: ego_out, at: 40, length: 5}
   - {kind: stalled_vehicle, lane: ego_out, at: 90}
   - {kind: stalled_vehicle, vehicle: leader}
+  - {kind: pedestrian_crossing, arm: {choice: [north, ego_out]}, at: 50}
+  - {kind: stalled_vehicle, lane: {choice: [ego_out_0, ego_out]}, at: 50}
 """
     told = never_happening(load_scenario(written(text)))
     assert [line.partition(": the ego never comes to ")[::2] for line in told] == [
@@ -288,5 +290,6 @@ events:
             ("4 (events.3) accident", "vehicles.1, 45"),
             ("5 (events.4) lane_closure", "it, 40"),
             ("6 (events.5) stalled_vehicle", "it, 90"),
+            ("9 (events.8) stalled_vehicle", "it, 50"),
         )
     ]

@@ -75,6 +75,23 @@ def test_together_with_all_other_problems_each_in_its_place(problems):
     )
 
 
+def test_each_lane_and_arm_that_may_be_drawn_must_fit(problems):
+    found = problems("""
+        name: wrong
+        events:
+          - {kind: pedestrian_crossing, arm: {choice: [north, norht, ego_out]}}
+          - {kind: stalled_vehicle, lane: {choice: [north_in_0, ego_in]}, at: 119, type: {choice: [car, bus]}}
+          - {kind: stalled_vehicle, lane: {choice: [south_to_west_0, north_in_0]}, at: 60}
+          - kind: accident
+            vehicles: [{lane: {choice: {values: [west_in_0, west_in_7], weights: [1, 0]}}, at: 5}]
+        """)
+    check(
+        found,
+        "3:38: events.0.arm: no arm 'norht' in network four_way (did you mean 'north'?)...",
+        "5:80: events.2.at: 60 m lies beyond 'south_to_west_0' of network four_way, which has ...",
+    )
+
+
 def test_ways_across_an_arm_fit_that_arm_also_if_its_lanes_ids_are_names_of_others(problems, tmp_path):
     path = by_heading(tmp_path)
     text = f"name: a\nnetwork: {path.name}\nevents: [{{{{kind: pedestrian_crossing, arm: {{}}, at: 90}}}}]\n"

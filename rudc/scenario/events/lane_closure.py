@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from rudc.scenario.base import Identifier
+from rudc.scenario.choices import Place
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events.event import Duration, Effect, Event
 from rudc.scenario.events.registry import register_event
@@ -20,7 +20,7 @@ class LaneClosure(Event, frozen=True):
 
     kind: Literal["lane_closure"]
     """a stretch of a lane that is closed"""
-    lane: Identifier
+    lane: Place
     """lane that is closed"""
     at: Metre
     """m along the lane, where it begins to be closed"""

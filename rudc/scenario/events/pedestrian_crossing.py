@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from rudc.scenario.base import Identifier
+from rudc.scenario.choices import Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, Passing
 from rudc.scenario.events.registry import register_event
@@ -20,7 +20,7 @@ class PedestrianCrossing(Event, frozen=True):
 
     kind: Literal["pedestrian_crossing"]
     """pedestrians walk across an arm"""
-    arm: Identifier
+    arm: Place
     """arm they cross; or ego_in or ego_out, the arm the ego comes from or leaves by"""
     at: Metre = Constant(value=3.0)
     """m from the junction, of the line they walk along"""
@@ -28,7 +28,7 @@ class PedestrianCrossing(Event, frozen=True):
     """m/s"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
-    from_side: Literal["left", "right"] = "right"
+    from_side: Side = "right"
     """side they start from, as seen going towards the junction"""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from rudc.scenario.base import Identifier
+from rudc.scenario.choices import Place
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events.event import Duration, Effect, Event
 from rudc.scenario.events.low_friction import LEAST, MOST
@@ -22,7 +22,7 @@ class SlipperyPatch(Event, frozen=True):
 
     kind: Literal["slippery_patch"]
     """a stretch of a lane that is slippery for the ego"""
-    lane: Identifier
+    lane: Place
     """lane that the patch lies on, over its whole width; the ego slips while its centre is on it"""
     at: Metre
     """m along the lane, where the patch begins"""

@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
-from rudc.scenario.base import Identifier
+from rudc.scenario.choices import Place
 from rudc.scenario.events.event import ROUNDED_S, UNHURRIED, Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.poses import VehicleType
+from rudc.scenario.poses import AnyVehicleType
 from rudc.scenario.triggers import Metre, Selector
 
 STANDS = 0.1
@@ -24,11 +24,11 @@ class StalledVehicle(VehicleEvent, frozen=True):
 
     kind: Literal["stalled_vehicle"]
     """a vehicle that stands still in its lane"""
-    lane: Identifier | None = None
+    lane: Place | None = None
     """lane on which a vehicle stands"""
     at: Metre | None = None
     """m from the junction along `lane`, of its centre"""
-    type: VehicleType = "car"
+    type: AnyVehicleType = "car"
     """what vehicle stands on `lane`"""
     vehicle: Selector | None = None
     """surrounding vehicle that stops, instead of `lane`"""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from rudc.scenario.base import Identifier
+from rudc.scenario.choices import Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import ROADSIDE_M, Stage
-from rudc.scenario.poses import VehicleType
+from rudc.scenario.poses import AnyVehicleType
 from rudc.scenario.triggers import Metre
 
 FOLLOWING_S = 1.2
@@ -21,9 +21,9 @@ class VehicleCrossing(Event, frozen=True):
 
     kind: Literal["vehicle_crossing"]
     """cyclists, motorcyclists or others ride across an arm"""
-    arm: Identifier
+    arm: Place
     """arm they cross; or ego_in or ego_out, the arm the ego comes from or leaves by"""
-    type: VehicleType = "bicycle"
+    type: AnyVehicleType = "bicycle"
     """what crosses; its size is that of traffic of this type"""
     at: Metre = Constant(value=4.0)
     """m from the junction, of the line they ride along, once traffic there can stop before them; the ego is
@@ -32,7 +32,7 @@ class VehicleCrossing(Event, frozen=True):
     """m/s; they stop for what stands in their way and for an ego below 2 m/s, not for a faster one"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
-    from_side: Literal["left", "right"] = "right"
+    from_side: Side = "right"
     """side they start from, as seen going towards the junction"""
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rudc.scenario.base import Identifier
+from rudc.scenario.choices import Place
 from rudc.scenario.distributions import Constant
 from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.poses import VehicleType
+from rudc.scenario.poses import AnyVehicleType
 from rudc.scenario.triggers import Metre
 
 
@@ -18,7 +18,7 @@ class WrongWay(Event, frozen=True):
 
     kind: Literal["wrong_way"]
     """a vehicle drives along a lane against its direction"""
-    lane: Identifier
+    lane: Place
     """lane it drives along; on ARM_out_INDEX it comes towards the junction, and goes straight on through it;
     from inside the junction it drives out by the arm from which the lane comes"""
     at: Metre
@@ -27,7 +27,7 @@ class WrongWay(Event, frozen=True):
     speed: MovingSpeed = Constant(value=6.0)
     """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one; once it
     stands, it waits while the ego passes"""
-    type: VehicleType = "car"
+    type: AnyVehicleType = "car"
     """what vehicle"""
 
 

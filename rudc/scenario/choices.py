@@ -1,0 +1,145 @@
+"""`{choice: [...]}` in a scenario, for numbers and for words.
+
+Where a model has `Side`, `Place` or another word that is annotated with `OrChoice`, a file writes a word, or
+`{choice: [left, right]}`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema, core_schema
+
+from rudc.scenario.base import FileModel, Identifier, Number, refuse
+
+
+class Drawable(FileModel, frozen=True):
+    """A value of a file that may differ from episode to episode."""
+
+    def drawn(self, rng: np.random.Generator) -> Any:
+        """A fixed value, drawn from it, to stand in its place."""
+        raise NotImplementedError(f"{type(self).__name__} must say how it is drawn")
+
+
+class ChoiceParameters(FileModel, frozen=True):
+    """Values and how likely each is; a subclass says of what type they are."""
+
+    values: tuple[Any, ...]
+    """one of these"""
+    weights: tuple[Number, ...] | None = None
+    """relative weight of each value; by default all equal"""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        model = handler.resolve_ref_schema(handler(schema))
+        values = {"type": "array", "items": model["properties"]["values"]["items"], "minItems": 1}
+        return {"anyOf": [values, model]}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_list(cls, data: Any) -> Any:
+        return {"values": data} if isinstance(data, list | tuple) else data
+
+    @model_validator(mode="after")
+    def _check(self) -> ChoiceParameters:
+        if not self.values:
+            refuse("there is nothing to choose from", "values")
+        if self.weights is None:
+            return self
+        if len(self.weights) != len(self.values):
+            refuse(f"{len(self.weights)} weights for {len(self.values)} values", "weights")
+        for i, weight in enumerate(self.weights):
+            if weight < 0:
+                refuse(f"a weight cannot be negative, got {weight:g}", "weights", i)
+        if not 0 < sum(self.weights) < math.inf:
+            refuse("one weight at least must be above 0, and the sum of all finite", "weights")
+        return self
+
+    @property
+    def shares(self) -> list[float]:
+        """Probability of each value."""
+        weights = self.weights or (1.0,) * len(self.values)
+        return [weight / sum(weights) for weight in weights]
+
+    @property
+    def possible(self) -> tuple[Any, ...]:
+        """The values that are ever drawn."""
+        return tuple(value for value, share in zip(self.values, self.shares, strict=True) if share > 0.0)
+
+
+class WordChoice(Drawable, frozen=True):
+    """One of several words; a subclass says of what type they are."""
+
+    choice: ChoiceParameters
+    """the words; or {values: [...], weights: [...]}"""
+
+    def drawn(self, rng: np.random.Generator) -> str:
+        """Draw one word."""
+        return self.choice.values[int(rng.choice(len(self.choice.values), p=self.choice.shares))]
+
+
+def _form(value: Any) -> str:
+    """Tag of the form a word is written in; tags carry brackets so that none reads like a key."""
+    many = isinstance(value, WordChoice) or (isinstance(value, Mapping) and "choice" in value)
+    return "<words>" if many else "<word>"
+
+
+@dataclass(frozen=True)
+class OrChoice:
+    """Marks a word of a model that a file may leave to chance. A model from a file then has a `WordChoice` in
+    its place, in spite of the word's type; in an event that takes effect it has been drawn.
+    """
+
+    form: type[WordChoice]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        forms = {"<word>": handler(source), "<words>": handler.generate_schema(self.form)}
+        return core_schema.tagged_union_schema(forms, _form)
+
+
+def possible(word: Any) -> tuple[Any, ...]:
+    """Every word that may be drawn: of a fixed one itself."""
+    return word.choice.possible if isinstance(word, WordChoice) else (word,)
+
+
+SideOfRoad = Literal["left", "right"]
+
+
+class Sides(ChoiceParameters, frozen=True):
+    """Sides of a road."""
+
+    values: tuple[SideOfRoad, ...]
+    """one of these"""
+
+
+class SideChoice(WordChoice, frozen=True):
+    """One of both sides."""
+
+    choice: Sides
+    """the sides; or {values: [...], weights: [...]}"""
+
+
+class Places(ChoiceParameters, frozen=True):
+    """Names of lanes or arms."""
+
+    values: tuple[Identifier, ...]
+    """one of these"""
+
+
+class PlaceChoice(WordChoice, frozen=True):
+    """One of several lanes or arms."""
+
+    choice: Places
+    """the names; or {values: [...], weights: [...]}"""
+
+
+Side = Annotated[SideOfRoad, OrChoice(SideChoice)]
+Place = Annotated[Identifier, OrChoice(PlaceChoice)]
+"""The name of a lane or arm."""
