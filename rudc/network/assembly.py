@@ -195,16 +195,29 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
 
 def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str) -> list[Arm]:
     """The arms, each marked major if no way from it must yield to a way from another arm, or if one that need
-    not is yielded to by another arm's. A right turn into a lane of its own, which meets nobody, says nothing.
-    Where traffic from the right goes first no arm is major, although right turns yield to nobody there.
+    not is yielded to by another arm's. Of a right turn the latter counts only where it follows a main road
+    that bends, and so leads to an arm that is major without it: beside others that turn into lanes of their
+    own a minor arm's right turn may be free, too. Where traffic from the right goes first no arm is major,
+    although right turns yield to nobody there.
     """
-    origin = np.array([way.source.origin for way in ways])
+    if node_type == "right_before_left":
+        return [replace(arm, major=False) for arm in arms]
     owes = _owes_others(ways, yields)
     bound, owed = np.any(owes, axis=1), np.any(owes, axis=0)
-    major = {k for k in origin.tolist() if not bound[origin == k].any() or (~bound & owed)[origin == k].any()}
-    if node_type == "right_before_left":
-        major = set()
+    free = [way.source for way, counts in zip(ways, ~bound & owed, strict=True) if counts]
+    right = [_angle(arms, way.origin, way.destination) < -STRAIGHT for way in free]
+    waiting = {way.source.origin for way, waits in zip(ways, bound, strict=True) if waits}
+    major = {way.source.origin for way in ways} - waiting
+    major |= {way.origin for way, turns in zip(free, right, strict=True) if not turns}
+    major |= {
+        way.origin for way, turns in zip(free, right, strict=True) if turns and way.destination in major
+    }
     return [replace(arm, major=k in major) for k, arm in enumerate(arms)]
+
+
+def _angle(arms: Sequence[Arm], o: int, d: int) -> float:
+    """rad, the change of heading from one arm's end to another's beginning; above 0 to the left."""
+    return float(wrap(arms[d].heading_in + np.pi - arms[o].heading_in))
 
 
 def _owes_others(ways: Sequence[Way], yields: Flags) -> Flags:
@@ -221,7 +234,7 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
         rows.setdefault((way.source.origin, way.source.destination), []).append(row)
     movements = []
     for (o, d), members in rows.items():
-        angle = float(wrap(arms[d].heading_in + np.pi - arms[o].heading_in))
+        angle = _angle(arms, o, d)
         back = o == d or all(ways[row].turns_back for row in members)
         movements.append(
             Movement(
@@ -241,11 +254,7 @@ def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, 
     """The name of a turn that does not lead back. If several destinations lie nearly straight on, only the
     straightest is `straight`; of two that lie equally far to both sides, none.
     """
-    others = [
-        float(wrap(arms[b].heading_in + np.pi - arms[o].heading_in))
-        for a, b in rows
-        if a == o and b not in (o, d)
-    ]
+    others = [_angle(arms, o, b) for a, b in rows if a == o and b not in (o, d)]
     straighter = any(abs(other) < abs(angle) for other in others)
     forked = abs(angle) > ALIKE and any(abs(other + angle) < ALIKE for other in others)
     if abs(angle) < STRAIGHT and not straighter and not forked:

@@ -54,21 +54,38 @@ def test_the_east_west_road_is_major_on_priority_junctions_and_none_is_on_the_eq
     assert not any(arm.major for arm in load_network("four_way_equal").arms)
 
 
+def majors(arms, turns, waits_for, node_type="priority"):
+    """Which arms are major, of ways [(from, to)] by number of arm; {row: rows that it must yield to}."""
+    ways = [SimpleNamespace(source=SimpleNamespace(origin=o, destination=d)) for o, d in turns]
+    yields = np.array([[j in waits_for.get(i, ()) for j in range(len(turns))] for i in range(len(turns))])
+    return [arm.name for arm in decide_major(arms, ways, yields, node_type) if arm.major]
+
+
 def test_no_arm_is_major_where_who_comes_from_the_right_goes_first():
     arms = load_network("four_way").arms
-    ways = [SimpleNamespace(source=SimpleNamespace(origin=k)) for k in range(4)]
-    yields = np.array([[i == 3 and j == 0 for j in range(4)] for i in range(4)])
-    assert [arm.major for arm in decide_major(arms, ways, yields, "priority")] == [True, True, True, False]
-    assert not any(arm.major for arm in decide_major(arms, ways, yields, "right_before_left"))
+    turns = [(k, (k + 2) % 4) for k in range(4)]
+    assert majors(arms, turns, {3: [0]}) == [arm.name for arm in arms[:3]]
+    assert not majors(arms, turns, {3: [0]}, "right_before_left")
 
 
 def test_a_right_turn_into_a_lane_of_its_own_makes_no_arm_major():
     """The left turn (row 1) from the first arm yields to both others' ways; its right turn meets nobody."""
     arms = load_network("t_junction").arms
-    ways = [SimpleNamespace(source=SimpleNamespace(origin=k)) for k in (0, 0, 1, 2)]
-    yields = np.zeros((4, 4), bool)
-    yields[1, 2:] = True
-    assert [arm.major for arm in decide_major(arms, ways, yields, "priority")] == [False, True, True]
+    assert majors(arms, [(0, 1), (0, 2), (1, 2), (2, 1)], {1: [2, 3]}) == [arm.name for arm in arms[1:]]
+
+
+def test_a_free_right_turn_makes_an_arm_major_where_it_follows_a_main_road_that_bends():
+    """West and north are the ends of the main road. East's right turn has a lane of its own in the north, and
+    south yields to it; nobody whose way is free does.
+    """
+    arms = load_network("four_way").arms
+    east, north, west, south = (
+        next(k for k, arm in enumerate(arms) if arm.name == name)
+        for name in ("east", "north", "west", "south")
+    )
+    turns = [(west, north), (north, west), (north, south), (east, north), (east, west), (south, north)]
+    waits = {2: [4], 4: [0, 1, 2], 5: [0, 3, 4]}
+    assert set(majors(arms, turns, waits)) == {"north", "west"}
 
 
 @pytest.mark.parametrize("name", ["four_way", "four_way_equal", "skewed_four_way"])
