@@ -60,17 +60,19 @@ sweep: .venv/.kernels
 test: .venv/.dev
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal
 
-lint: .venv/.dev
+lint: .venv/.tools
 	$(PY) -m ruff format --check .
 	$(PY) -m ruff check .
 
-types: .venv/.dev
+types: .venv/.tools
 	$(PY) -m pyright
 
-contracts: .venv/.dev
+contracts: .venv/.tools
 	$(PY) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
 
-check: lint types contracts test
+check: .venv/.core
+	@$(MAKE) --no-print-directory --jobs=2 lint types contracts .venv/.kernels  # one core each
+	@$(MAKE) --no-print-directory test
 
 format: .venv/.dev
 	$(PY) -m ruff format .

@@ -26,6 +26,7 @@ UNITS = {
     "time_to_collision": "s",
     "reach_position": "m",
     "speed": "m/s",
+    "stand_still": "s",
     "ego_distance_to_junction": "m",
     "event_state": "s",
 }
@@ -38,6 +39,7 @@ WHEN = {
     "time_to_collision": "the ego's time to collision is",
     "reach_position": "the ego reaches",
     "speed": "the ego's speed is",
+    "stand_still": "the ego has stood for",
     "ego_distance_to_junction": "the ego's distance to its stop line is",
     "event_state": "the time since",
 }
@@ -214,6 +216,8 @@ def _words(key: str) -> str:
 
 
 def _value(value: Any, unit: str = "") -> str:
+    if isinstance(value, dict) and "choice" in value:
+        return " or ".join(_value(v, unit) for v in value["choice"]["values"])
     if isinstance(value, dict):
         return " ".join(f"{_words(inner)} {_value(v, unit)}" for inner, v in value.items())
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -122,6 +122,7 @@ def _never(when: Trigger, end: float) -> Iterator[str]:
     most = {
         "simulation_time": (end, "s", ends),
         "event_state": (end, "s", ends),
+        "stand_still": (end, "s", ends),
         "traveled_distance": (fastest * end, "m", f"{drives}, and {ends}"),
         "speed": (fastest, "m/s", drives),
     }

@@ -179,6 +179,8 @@ class Trigger(FileModel, frozen=True):
     """the ego is near a place"""
     speed: SpeedThreshold | None = None
     """the ego's speed, m/s"""
+    stand_still: TimeThreshold | None = None
+    """s for which the ego has been standing (slower than 0.5 m/s) without a break; 0 while it moves"""
     ego_distance_to_junction: JunctionThreshold | None = None
     """m from the ego to its stop line, negative past it"""
     event_state: EventState | None = None

@@ -133,6 +133,9 @@ def test_numbers_of_events_and_conditions_have_their_units():
     )
     surge = event("density_surge", density=30, duration=5)
     assert describe(surge) == "density surge, density 30 veh/km, duration 5 s"
+    either = event("vehicle_crossing", arm={"choice": ["north", "east"]}, speed={"choice": [3, 4]})
+    assert "arm north or east, " in describe(either)
+    assert "speed 3 m/s or 4 m/s" in describe(either)
     far = event("lane_closure", lane="north_in_0", at=1000, length=20)
     assert "at 1000 m, length 20 m" in describe(far)
     late = event("hard_brake", when={"traveled_distance": {"above": 999.7}})

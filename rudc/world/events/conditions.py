@@ -38,6 +38,10 @@ def _speed(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) ->
     return condition.holds(scene.ego.v)
 
 
+def _stand_still(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
+    return condition.holds(scene.waited_s)
+
+
 def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     return condition.holds(scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length)
 
@@ -105,6 +109,7 @@ _CONDITIONS: dict[str, Callable[[Any, Scene, WorldStage, Trigger], bool]] = {
     "simulation_time": _simulation_time,
     "traveled_distance": _traveled_distance,
     "speed": _speed,
+    "stand_still": _stand_still,
     "ego_distance_to_junction": _ego_distance_to_junction,
     "reach_position": _reach_position,
     "relative_distance": _relative_distance,
