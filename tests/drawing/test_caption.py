@@ -19,6 +19,7 @@ from rudc.drawing.palette import TEXT
 from rudc.drawing.text import fitted, font, wrapped
 from rudc.drawing.view import Driving, ShownEvent, View
 from rudc.safety.filter import Status
+from rudc.scenario.events.vehicle_crossing import VehicleCrossing
 from rudc.scenario.triggers import Trigger
 from tests.plans import event
 
@@ -133,7 +134,9 @@ def test_numbers_of_events_and_conditions_have_their_units():
     )
     surge = event("density_surge", density=30, duration=5)
     assert describe(surge) == "density surge, density 30 veh/km, duration 5 s"
-    either = event("vehicle_crossing", arm={"choice": ["north", "east"]}, speed={"choice": [3, 4]})
+    either = VehicleCrossing.model_validate(
+        {"kind": "vehicle_crossing", "arm": {"choice": ["north", "east"]}, "speed": {"choice": [3, 4]}}
+    )
     assert "arm north or east, " in describe(either)
     assert "speed 3 m/s or 4 m/s" in describe(either)
     far = event("lane_closure", lane="north_in_0", at=1000, length=20)

@@ -10,7 +10,7 @@ import pytest
 
 from rudc.geometry import rectangle_gaps
 from rudc.world.events.selection import pick
-from rudc.world.scene import STANDING, Kind
+from rudc.world.scene import Kind
 from rudc.world.sumo import HEEDLESS
 from tests.plans import PlanSource, event
 
@@ -324,20 +324,6 @@ def test_triggers_fire_at_the_first_scene_that_satisfies_them(world, when, at):
         assert (world.traffic.density == 50) == expected, scene.time_s
         scene = world.scene()
     assert world.traffic.density == 50
-
-
-def test_an_event_waits_until_the_ego_has_stood_for_some_time_without_a_break(world):
-    late = event("density_surge", density=50, when={"stand_still": {"above": 0.55}})
-    world.reset(replace(CALM, speed=(3.0, 3.0), distance=(42.5, 42.5), events=(late,)).plan(0))
-    stood, brakes = 0.0, 10
-    for step in range(60):
-        expected = stood > 0.55
-        world.advance(np.array([-3.0 if step < brakes or step > 20 else 2.0, 0.0]))
-        assert (world.traffic.density == 50) == expected, step
-        if expected:
-            break
-        stood = stood + 0.1 if world.scene().ego.v < STANDING else 0.0
-    assert step > 30  # it stood once before, but drove on too soon
 
 
 def test_reach_position_and_time_to_collision(world, four_way):
