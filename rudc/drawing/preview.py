@@ -104,4 +104,6 @@ def others(view: View) -> str:
         parts.append(f"{len(view.hidden)} hidden from the ego (pale)")
     if view.misplaced:
         parts.append("white outlines: where the ego's sensors show those whom they misplace")
+    if any(event.patch for event in view.events):
+        parts.append("orange stretch of a lane: slippery")
     return ", ".join(parts)

@@ -115,6 +115,8 @@ class Traffic:
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
+        self._kind_waiting: str | None = None
+        """the kind of the next SV, where one was drawn for which there was no room yet"""
         types = [VEHICLE_TYPES[name] for name in names if plan.mix[name]]
         self.needs_m = 0.5 * max(kind.width for kind in types) + BESIDE_M
         """m to each side of a lane's centre line that must be free so that every SV of the mix drives on"""
@@ -310,8 +312,9 @@ class Traffic:
         return name
 
     def _place_somewhere(self) -> None:
+        kind = None
         for _ in range(40):
-            movement, kind = self._draw_movement(), self.draw_type()
+            movement, kind = self._draw_movement(), kind or self.draw_type()
             inbound = self._rng.random() < 0.5
             arm = self._arms[movement.origin if inbound else movement.destination]
             edges = arm.in_edges if inbound else arm.out_edges
@@ -364,12 +367,17 @@ class Traffic:
         ]
 
     def _enter(self, entry: dict[str, tuple[float, float]]) -> None:
+        """Let one SV enter if there is room. A kind for which there is none comes next, so that long vehicles
+        keep their share of the mix on crowded roads.
+        """
+        kind, self._kind_waiting, refused = self._kind_waiting, None, True
         for _ in range(8):
-            movement, kind = self._draw_movement(), self.draw_type()
+            movement, kind = self._draw_movement(), kind or self.draw_type()
             lanes = self._inbound[movement.origin, movement.destination][0]
             lane = lanes[self._rng.integers(len(lanes))]
             if not self.may_drive(kind, movement, lane):
                 continue
+            refused = False
             length = VEHICLE_TYPES[kind].length
             rear, leader_speed = entry.get(lane.id, (math.inf, 0.0))
             room = rear - length - 2.0
@@ -382,6 +390,7 @@ class Traffic:
             self._add(self.draw_driver(movement, kind), _route(movement), lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return
+        self._kind_waiting = None if refused else kind
 
 
 def _route(movement: Movement) -> str:
