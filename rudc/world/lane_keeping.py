@@ -3,8 +3,8 @@
 In SUMO a vehicle changes lanes within one step, by a whole lane's width, and SUMO checks only these two
 lanes. Inside a junction, or beside an ego that is between two lanes, this can put a vehicle onto the ego.
 There SVs within NEAR m of the ego stay in their lanes. So do, inside the junction, SVs within NEAR_PROP m of
-a vehicle or obstacle that SUMO does not move, which it knows nothing of: they change lanes only if
-rudc/world/detours.py asks them to.
+a vehicle or obstacle that SUMO does not move, which it knows nothing of, and anywhere SVs within NEAR_MOVING m
+of a pedestrian or of such a vehicle that moves: they change lanes only if rudc/world/detours.py asks them to.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ NEAR = 15.0
 """m between centres"""
 NEAR_PROP = 25.0
 """m of gap: enough to stop before somebody who comes the wrong way"""
+NEAR_MOVING = 15.0
+"""m of gap: enough to stop before somebody who walks or rides over the road"""
 BETWEEN = 0.8
 """m of lateral offset from its route from which on the ego may reach into another lane"""
 
@@ -65,14 +67,17 @@ def _near_ego(scene: Scene) -> set[int]:
 
 
 def _near_props(scene: Scene, props: Sequence[Prop]) -> set[int]:
-    """Indices of the SVs inside the junction that are near a vehicle or obstacle."""
-    bodies, paths = [prop for prop in props if prop.kind != Kind.PEDESTRIAN], scene.network.paths
-    near = set[int]()
-    if not bodies:
-        return near
-    inside = np.flatnonzero(in_junction(scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s))
-    others = scene.position[inside], scene.heading[inside], scene.size[inside]
-    for prop in bodies:
+    """Indices of the SVs near one that moves, and of those inside the junction near a vehicle or obstacle."""
+    near, paths = np.zeros(scene.count, bool), scene.network.paths
+    if not props:
+        return set()
+    inside = in_junction(scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s)
+    for prop in props:
+        others = scene.position, scene.heading, scene.size
         gaps = rectangle_gaps(*prop.pose(), prop.length, prop.width, *others)
-        near.update(inside[gaps < NEAR_PROP].tolist())
-    return near
+        if prop.kind != Kind.PEDESTRIAN:
+            near |= inside & (gaps < NEAR_PROP)
+        if prop.wanted > 0.0:
+            near |= gaps < NEAR_MOVING
+    names = {prop.name for prop in props}
+    return {i for i in np.flatnonzero(near).tolist() if scene.ids[i] not in names}

@@ -1,12 +1,13 @@
 """No surrounding vehicle jumps into another lane where SUMO does not see the ego."""
 
+import numpy as np
 import pytest
 
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.scenario import load_scenario
 from rudc.world.lane_keeping import LaneKeeping
-from rudc.world.props import standing
+from rudc.world.props import Prop, standing
 from rudc.world.scene import Kind
 from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
 
@@ -53,4 +54,16 @@ def test_near_a_long_closure_it_is_its_near_end_that_counts(make_scene, four_way
     closure = standing("closure", Kind.OBSTACLE, x, y + 2.5 + gap + 30.0, scene.heading[0], 60.0, 3.0)
     sumo = Held()
     LaneKeeping(sumo).step(scene, [closure])  # pyright: ignore[reportArgumentType]
+    assert sumo.names == ["other0"] * held
+
+
+@pytest.mark.parametrize(("gap", "speed", "held"), [(14.0, 1.4, True), (16.0, 1.4, False), (5.0, 0.0, False)])
+def test_nobody_changes_lanes_beside_somebody_who_walks_over_the_road(make_scene, four_way, gap, speed, held):  # noqa: F811
+    """A car hopped from lane to lane beside pedestrians on an arm, and drove into one."""
+    scene = make_scene({"row": four_way.movement("south", "north").rows[0], "s": 50.0})
+    x, y = scene.position[0]
+    way = np.array([[x, y + 2.5 + gap + 0.25], [x + 4.0, y + 2.5 + gap + 0.25]])
+    walker = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), way, wanted=speed)
+    sumo = Held()
+    LaneKeeping(sumo).step(scene, [walker])  # pyright: ignore[reportArgumentType]
     assert sumo.names == ["other0"] * held
