@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
 from rudc.network.network import load_network
+from rudc.network.route_builder import start_row
 from rudc.scenario.choices import possible
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
@@ -22,6 +24,7 @@ from rudc.scenario.triggers import Threshold
 from rudc.vehicle import EgoVehicle
 from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
+from rudc.world.events.selection import arrivals
 from rudc.world.fitting import likely, misfits
 from rudc.world.spawn import movements_of
 from rudc.world.vehicle_types import VEHICLE_TYPES
@@ -81,13 +84,14 @@ def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
 def never_happening(scenario: Scenario) -> list[str]:
     """A line for each event that can never happen: it waits for a time, a way or a speed that no episode
     reaches, for a quantity below its least value, for a time between two decisions, or for the end of an
-    event without duration, or its probability is 0; one for a destination that no episode reaches; one for
-    each kind of `traffic.mix` that may drive nowhere; and one for what stands in or crosses the ego's exit
-    beyond its destination. Of a sweep, at the points that `tried_points` chooses."""
+    event without duration, its probability is 0, or nobody comes from where its vehicle would; one for a
+    start speed or a destination that no episode reaches; one for each kind of `traffic.mix` that may drive
+    nowhere; and one for what stands in or crosses the ego's exit beyond its destination. Of a sweep, at the
+    points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
-        for text in (*_in_vain(point), *_out_of_reach(point), *_nowhere(point), *_beyond(point)):
+        for text in chain(*(find(point) for find in _FINDERS)):
             found.setdefault(text, _where(swept))
     return [where + text for text, where in found.items()]
 
@@ -97,8 +101,50 @@ def _in_vain(scenario: Scenario) -> Iterator[str]:
         if event.when is None:
             continue
         end = scenario.episode.timeout.support[1]
-        for why in (*_never(event.when, end), *_endless(scenario, number - 1)):
+        for why in (
+            *_never(event.when, end),
+            *_endless(scenario, number - 1),
+            *_passed(scenario, event.when),
+        ):
             yield f"event {numbered(number, event.kind)} can never happen: {why}"
+
+
+def _passed(scenario: Scenario, when: Trigger) -> Iterator[str]:
+    """Why the ego never comes so far beyond its stop line."""
+    below = when.ego_distance_to_junction and when.ego_distance_to_junction.below
+    if not below:
+        return
+    network = load_network(scenario.network, scenario.junction)
+    inside = float((network.paths.exit_s - network.paths.stop_s).max())
+    most = inside + likely(scenario.ego.destination)[1] + network.vehicle.length
+    if -below.support[1] > most + network.vehicle.v_max * DECISION_S:
+        yield (
+            f"it waits for ego_distance_to_junction below {below.support[1]:g} m, and the ego has arrived "
+            f"{most:.0f} m beyond its stop line at the latest (ego.destination)"
+        )
+
+
+def _nobody(scenario: Scenario) -> Iterator[str]:
+    """Events whose vehicle would come from where no way leads to the junction."""
+    network = load_network(scenario.network, scenario.junction)
+    movements = movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
+    rows = {start_row(network, movement) for movement in movements}
+    for number, event in enumerate(scenario.events, start=1):
+        who = getattr(event, "vehicle", None)
+        if who not in ("oncoming", "crossing"):
+            continue
+        if not any(arrivals(network.paths, row, who == "oncoming").any() for row in rows):
+            where = "opposite the ego's" if who == "oncoming" else "to a side of the ego's"
+            yield (
+                f"event {numbered(number, event.kind)} can never happen: no arm lies {where}, from which "
+                f"a vehicle ({who}) would come"
+            )
+
+
+def _too_fast(scenario: Scenario) -> Iterator[str]:
+    fastest, least = EgoVehicle().v_max, likely(scenario.ego.speed)[0]
+    if least > fastest:
+        yield f"the ego starts at {fastest:g} m/s at most, not at {least:g} (ego.speed): it drives no faster"
 
 
 def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:
@@ -189,6 +235,9 @@ def _beyond(scenario: Scenario) -> Iterator[str]:
                     f"event {numbered(number, event.kind)}: the ego never comes to {key or 'it'}, {at:g} m "
                     f"along its exit, since it arrives {end:g} m along it (ego.destination)"
                 )
+
+
+_FINDERS = _in_vain, _nobody, _too_fast, _out_of_reach, _nowhere, _beyond
 
 
 def _where(swept: dict[str, Scalar]) -> str:

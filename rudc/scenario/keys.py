@@ -116,7 +116,7 @@ def _type(field: FieldInfo) -> str:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
         return f"[number, number], {numbers}" if len(bounds) == 2 else numbers
     words = ["true", "false"] if field.annotation is bool else _words(field.annotation)
-    chosen = ", or {choice: [...]}" if may_be_chosen(field) else ""
+    chosen = " | {choice: ...}" if may_be_chosen(field) else ""
     if words:
         return " | ".join(words) + chosen
     if get_origin(field.annotation) is dict:

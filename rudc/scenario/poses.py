@@ -94,7 +94,7 @@ class Placement(Pose, frozen=True):
     """A stationary vehicle at any pose."""
 
     type: AnyVehicleType = "car"
-    """what vehicle"""
+    """what vehicle; `rudc scenario keys mix` says how long each is"""
 
 
 class OpaqueBox(Pose, frozen=True):

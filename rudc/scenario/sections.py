@@ -85,7 +85,7 @@ class Ego(FileModel, frozen=True):
     route: EgoRoute = EgoRoute()
     """random, {from: ARM, turn: TURN} or {from: EDGE, to: EDGE}"""
     speed: Speed = Uniform(uniform=(6.0, 10.0))
-    """m/s, at the start; at most the limit of its road, and what the bends before its stop line allow"""
+    """m/s, at the start; at most 15 m/s, the limit of its road, and what bends before its stop line allow"""
     distance: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Uniform(uniform=(35.0, 45.0))
     """m from its front to the stop line, at the start"""
     destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)
@@ -124,15 +124,15 @@ class Mix(FileModel, frozen=True):
     """Relative shares of the types of surrounding vehicles."""
 
     car: Share = Constant(value=0.0)
-    """share of cars"""
+    """share of cars, 5 m long"""
     truck: Share = Constant(value=0.0)
-    """share of trucks"""
+    """share of trucks, 7.5 m long"""
     bus: Share = Constant(value=0.0)
-    """share of buses"""
+    """share of buses, 12 m long"""
     motorcycle: Share = Constant(value=0.0)
-    """share of motorcycles"""
+    """share of motorcycles, 2.2 m long"""
     bicycle: Share = Constant(value=0.0)
-    """share of bicycles"""
+    """share of bicycles, 1.8 m long"""
 
     @model_validator(mode="after")
     def _check(self) -> Mix:

@@ -3,9 +3,9 @@
 In SUMO a vehicle changes lanes within one step, by a whole lane's width, and SUMO checks only these two
 lanes. Inside a junction, or beside an ego that is between two lanes, this can put a vehicle onto the ego.
 There SVs within NEAR m of the ego stay in their lanes. SUMO knows nothing of those whom it does not move. So
-SVs stay in their lanes, too, inside the junction within NEAR_PROP m of a vehicle or obstacle of that sort, and
-anywhere within NEAR_MOVING m of a pedestrian or a vehicle of that sort that moves. They change lanes then only
-if rudc/world/detours.py asks them to.
+SVs stay in their lanes, too, inside the junction within NEAR_PROP m of a vehicle or obstacle of that sort,
+and anywhere within NEAR_MOVING m of a pedestrian or a vehicle of that sort that moves. They change lanes then
+only if rudc/world/detours.py asks them to.
 """
 
 from __future__ import annotations

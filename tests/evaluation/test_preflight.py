@@ -1,5 +1,7 @@
 """Which points of a sweep are set up before anything is run."""
 
+import re
+
 import pytest
 
 from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
@@ -293,3 +295,29 @@ events:
             ("9 (events.8) stalled_vehicle", "it, 50"),
         )
     ]
+
+
+def test_who_comes_from_nowhere_and_what_the_ego_never_does_is_warned_of(written):
+    text = """
+name: nobody
+network: t_junction
+ego: {route: {from: south, turn: left}, speed: 18, destination: 30}
+events:
+  - {kind: hard_brake, vehicle: oncoming}
+  - {kind: hard_brake, vehicle: crossing, when: {ego_distance_to_junction: {below: -200}}}
+  - {kind: hard_brake, vehicle: crossing, when: {ego_distance_to_junction: {below: -30}}}
+  - {kind: hard_brake, vehicle: leader, when: {stand_still: {above: 50}}}
+"""
+    told = never_happening(load_scenario(written(text)))
+    starts = [line.partition(" (ego.destination)")[0] for line in told]
+    assert len(told) == 4
+    assert re.fullmatch(
+        r"event 2 .* never happen: .* below -200 m, and the ego has arrived \d+ m .*", starts[0]
+    )
+    assert re.fullmatch(r"event 4 .* never happen: it waits for stand_still above 50 s, and .*", starts[1])
+    assert told[2].startswith(
+        "event 1 (events.0) hard_brake can never happen: no arm lies opposite the ego's"
+    )
+    assert told[3] == "the ego starts at 15 m/s at most, not at 18 (ego.speed): it drives no faster"
+    main = text.replace("south, turn: left", "west, turn: straight").replace("speed: 18", "speed: 12")
+    assert [line[:7] for line in never_happening(load_scenario(written(main)))] == ["event 2", "event 4"]

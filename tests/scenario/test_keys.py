@@ -6,6 +6,7 @@ import yaml
 from rudc.errors import InputError
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario
 from rudc.scenario.keys import sections
+from rudc.world.vehicle_types import VEHICLE_TYPES
 
 SCHEMA = json_schema()
 
@@ -71,3 +72,10 @@ def test_a_part_by_its_key_or_its_last_word():
     assert sections("idm") == sections("traffic.idm")
     with pytest.raises(InputError, match=r"no part of a scenario is called 'hard_brak'.*'hard_brake'"):
         sections("hard_brak")
+
+
+def test_the_mix_says_how_long_each_type_is():
+    (mix,) = sections("mix")
+    assert {key.name.rpartition(".")[2]: key.text.rpartition(", ")[2] for key in mix.keys} == {
+        name: f"{kind.length:g} m long" for name, kind in VEHICLE_TYPES.items()
+    }

@@ -26,8 +26,7 @@ class VehicleCrossing(Event, frozen=True):
     type: AnyVehicleType = "bicycle"
     """what crosses; its size is that of traffic of this type"""
     at: Metre = Constant(value=4.0)
-    """m from the junction, of the line they ride along, once traffic there can stop before them; the ego is
-    not waited for"""
+    """m from the junction, of their way; they wait until traffic there can stop, but not for the ego"""
     speed: MovingSpeed = Constant(value=4.0)
     """m/s; they stop for what stands in their way and for an ego below 2 m/s, not for a faster one"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)

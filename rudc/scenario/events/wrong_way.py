@@ -28,7 +28,7 @@ class WrongWay(Event, frozen=True):
     """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one; once it
     stands, it waits while the ego passes"""
     type: AnyVehicleType = "car"
-    """what vehicle"""
+    """what vehicle; `rudc scenario keys mix` says how long each is"""
 
 
 class WrongWayEffect(Passing[WrongWay]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rudc.arrays import Array, Flags
+from rudc.network.paths import PathTable
 from rudc.world.scene import Scene
 
 ASIDE_M = 2.0
@@ -68,7 +69,11 @@ def comes_from(scene: Scene, oncoming: bool) -> Flags:
     their headings at the stop line count, not how arms run farther out. Where no arm lies to a side, as on a
     crossing of two roads at an acute angle, all arms count but the ego's and the most opposite one.
     """
-    paths, row = scene.network.paths, scene.route.row
+    return arrivals(scene.network.paths, scene.route.row, oncoming)
+
+
+def arrivals(paths: PathTable, row: int, oncoming: bool) -> Flags:
+    """The same for an ego on path `row`."""
     turned = np.cos(paths.stop_heading - paths.stop_heading[row])
     opposite, beside = turned < -ALONG, np.abs(turned) <= ALONG
     if oncoming or beside.any():
