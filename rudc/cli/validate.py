@@ -50,9 +50,9 @@ def validate(
     episode reaches, for a quantity `below` its least value, for a time between two decisions, for the end of
     an event that has no duration, or for a vehicle from where no arm is, or whose `probability` is 0, a start
     speed or a destination that no episode reaches, a kind of `traffic.mix` that may drive nowhere, and what
-    is in the ego's exit beyond its destination. With `--seeds N`, `planner` drives N episodes, and the command says how they end (with whom the ego collides,
-    and whose fault it is), how often and when events happen, and how near the ego comes to the road users
-    that take part.
+    is in the ego's exit beyond its destination. With `--seeds N`, `planner` drives N episodes, and the
+    command says how they end (with whom the ego collides, and whose fault it is), how often and when events
+    happen, and how near the ego comes to the road users that take part.
 
     **Examples**
 
