@@ -137,7 +137,7 @@ def _unsigned_zero(value: float, digits: int) -> str:
     return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
-_ONE = {"vehicles": "vehicle", "boxes": "box"}
+_ONE = {"vehicles": "vehicle", "objects": "object", "boxes": "box"}
 """what lists of events hold -> one of it"""
 
 

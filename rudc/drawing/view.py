@@ -13,7 +13,7 @@ from rudc.geometry import rectangle_corners
 from rudc.network.polyline import resample
 from rudc.scenario.poses import Pose
 from rudc.world.events.places import across_arm, against_lane
-from rudc.world.obstacles import listed_parts
+from rudc.world.obstacles import listed_parts, standing_parts
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def _corners(boxes: tuple[tuple[float, ...], ...]) -> tuple[Array, ...]:
 
 def places(network: Network, route: Route, event: Event) -> tuple[tuple[float, float], ...]:
     """m, m: where an event takes place, as far as it says so itself."""
-    parts: Any = listed_parts(event, "vehicles") or listed_parts(event, "boxes") or (event,)
+    parts: Any = (*standing_parts(event).values(), *listed_parts(event, "boxes")) or (event,)
     found = []
     for part in parts:
         # the `position` of `sensor_noise` is no place

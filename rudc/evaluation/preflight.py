@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
 from rudc.world.events.selection import arrivals
 from rudc.world.fitting import likely, misfits
+from rudc.world.obstacles import standing_parts
 from rudc.world.spawn import movements_of
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
@@ -224,9 +225,7 @@ def _beyond(scenario: Scenario) -> Iterator[str]:
     for number, event in enumerate(scenario.events, start=1):
         if event.kind not in IN_THE_WAY:
             continue
-        places: dict[str, Any] = {
-            f"vehicles.{k}": placed for k, placed in enumerate(getattr(event, "vehicles", ()))
-        }
+        places = {f"{key}.{k}": placed for (key, k), placed in standing_parts(event).items()}
         for key, placed in (places or {"": event}).items():
             names = possible(getattr(placed, "lane", None) or getattr(placed, "arm", ""))
             in_exit = all(name.startswith("ego_out") for name in names)

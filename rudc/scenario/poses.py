@@ -97,8 +97,22 @@ class Placement(Pose, frozen=True):
     """what vehicle; `rudc scenario keys mix` says how long each is"""
 
 
-class OpaqueBox(Pose, frozen=True):
-    """A rectangle that cannot be seen through, such as a building or a hedge."""
+class Box(Pose, frozen=True):
+    """A rectangle at any pose."""
 
     size: tuple[BoxSide, BoxSide]
     """[length, width] in m, length along the heading"""
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Length and width in m, once they are drawn."""
+        length, width = self.size
+        return float(length), float(width)
+
+
+class OpaqueBox(Box, frozen=True):
+    """A rectangle that cannot be seen through, such as a building or a hedge."""
+
+
+class Obstacle(Box, frozen=True):
+    """Something that lies on the road, such as stones or a mattress; it hides nothing."""

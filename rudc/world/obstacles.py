@@ -118,8 +118,10 @@ class _Site(NetworkStage):
 
     def remove_things(self, event: str) -> None: ...
 
-    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
+    def hide_behind(self, event: str, place: XYHeading, size: tuple[float, float]) -> None:
         self.hiding.append((place, size))
+
+    def reveal(self, event: str) -> None: ...
 
     def set_noise(self, position: float, speed: float, heading: float) -> None: ...
 
@@ -195,7 +197,7 @@ def _is_placed(event: Event) -> bool:
 
 def _follows_ego(event: Event) -> bool:
     """Whether an event names a lane relative to the ego (`EGO_LANES`)."""
-    parts = (event, *listed_parts(event, "vehicles"), *listed_parts(event, "boxes"))
+    parts = (event, *standing_parts(event).values(), *listed_parts(event, "boxes"))
     return any(getattr(part, "lane", None) in EGO_LANES for part in parts)
 
 
@@ -203,6 +205,12 @@ def listed_parts(event: Event, key: str) -> tuple[Any, ...]:
     """The parts that an event lists under a key; none where an event of a user's has something else there."""
     parts = getattr(event, key, ())
     return tuple(parts) if isinstance(parts, (tuple, list)) else ()
+
+
+def standing_parts(event: Event) -> dict[tuple[str, int], Any]:
+    """Place in the event -> part, of what it lists that stands on the road, in the order of its things."""
+    keys = ("vehicles", "objects")
+    return {(key, k): part for key in keys for k, part in enumerate(listed_parts(event, key))}
 
 
 def _played(network: Network, route: Route, i: int, event: Event) -> _Site | None:
@@ -220,7 +228,7 @@ def _played(network: Network, route: Route, i: int, event: Event) -> _Site | Non
 def _standing(network: Network, route: Route, i: int, event: Event) -> Iterator[_Thing]:
     """The things that an event puts on the road to stand there."""
     site = None if effect_of(event, event.kind).felt else _played(network, route, i, event)
-    parts = {str(k): ("vehicles", k) for k in range(len(listed_parts(event, "vehicles")))}
+    parts = {str(k): path for k, path in enumerate(standing_parts(event))}
     for thing in site.found if site is not None else ():
         yield ("events", i, *parts.get(thing.name.rpartition(":")[2], ())), event, thing
 

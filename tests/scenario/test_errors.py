@@ -373,6 +373,6 @@ class TestOverrides:
     def test_name_list_entries_that_exist(self, problems):
         check(
             problems("name: a\nevents: [{kind: accident}]\n", **{"events.3.kind": "x"}),
-            "2:10: events.0.vehicles: is missing, and it is required",
+            "2:10: events.0: an accident involves ...",
             "override: events.3.kind: events is a list whose entries are numbered (0 to 0); there is no '3'",
         )

@@ -1,32 +1,42 @@
-"""`accident`: stationary vehicles anywhere, at any heading."""
+"""`accident`: stationary vehicles and objects anywhere, at any heading."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import model_validator
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from rudc.scenario.base import refuse
 from rudc.scenario.events.event import Duration, Effect, Event
 from rudc.scenario.events.registry import register_event
-from rudc.scenario.events.stage import Stage
-from rudc.scenario.poses import Placement
+from rudc.scenario.events.stage import Stage, Thing
+from rudc.scenario.poses import Obstacle, Placement
 
 
 class Accident(Event, frozen=True):
-    """Stationary vehicles anywhere, at any heading."""
+    """Stationary vehicles, and objects such as stones, anywhere, at any heading."""
 
     kind: Literal["accident"]
-    """stationary vehicles anywhere, at any heading"""
-    vehicles: tuple[Placement, ...]
+    """stationary vehicles and objects anywhere, at any heading"""
+    vehicles: tuple[Placement, ...] = ()
     """the vehicles involved"""
+    objects: tuple[Obstacle, ...] = ()
+    """what lies on the road: stones, a mattress, a load; without `vehicles` it lies there alone"""
     duration: Duration | None = None
     """s until they are taken away; by default never"""
 
+    @model_serializer(mode="wrap")
+    def _without_empty_lists(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in handler(self).items() if value or key == "kind"}
+
     @model_validator(mode="after")
     def _check(self) -> Accident:
-        if not self.vehicles:
-            refuse("an accident involves one vehicle at least", "vehicles")
+        if not self.vehicles and not self.objects:
+            empty = self.model_fields_set & {"vehicles", "objects"}
+            refuse(
+                "an accident involves one vehicle at least, in `vehicles`, or one of `objects`",
+                *sorted(empty)[:1],
+            )
         return self
 
 
@@ -36,7 +46,10 @@ class AccidentEffect(Effect[Accident]):
     from_the_start = True
 
     def begin(self, stage: Stage) -> bool:
-        return self.put(stage, [(car.type, stage.pose(car), None) for car in self.event.vehicles])
+        things: list[Thing] = [(car.type, stage.pose(car), None) for car in self.event.vehicles]
+        for thing in self.event.objects:
+            things.append(("obstacle", stage.pose(thing), thing.sides))
+        return self.put(stage, things)
 
     def end(self, stage: Stage) -> None:
         stage.remove_things(self.name)

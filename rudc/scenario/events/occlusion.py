@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import model_validator
 
 from rudc.scenario.base import refuse
-from rudc.scenario.events.event import Event, Felt
+from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.poses import OpaqueBox
@@ -20,6 +20,8 @@ class Occlusion(Event, frozen=True):
     """boxes that hide what is behind them from the ego"""
     boxes: tuple[OpaqueBox, ...]
     """the boxes"""
+    duration: Duration | None = None
+    """s until they are taken away; by default never"""
 
     @model_validator(mode="after")
     def _check(self) -> Occlusion:
@@ -35,9 +37,11 @@ class OcclusionEffect(Felt[Occlusion]):
 
     def begin(self, stage: Stage) -> bool:
         for box in self.event.boxes:
-            length, width = (float(side) for side in box.size)
-            stage.hide_behind(stage.pose(box), (length, width))
+            stage.hide_behind(self.name, stage.pose(box), box.sides)
         return True
+
+    def end(self, stage: Stage) -> None:
+        stage.reveal(self.name)
 
 
 register_event(Occlusion, OcclusionEffect)

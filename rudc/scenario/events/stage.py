@@ -194,11 +194,15 @@ class Stage(ABC):
         """Take away what the event of that name has put on the road: what is called `EVENT:...`."""
 
     @abstractmethod
-    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
-        """Put up a box (length and width in m) that the ego cannot see through.
+    def hide_behind(self, event: str, place: XYHeading, size: tuple[float, float]) -> None:
+        """Put up, for the event of that name, a box (length and width in m) that the ego cannot see through.
 
         Raises SimulationError if it reaches onto the road.
         """
+
+    @abstractmethod
+    def reveal(self, event: str) -> None:
+        """Take away the boxes that the event of that name has put up."""
 
     # ---- the ego
 

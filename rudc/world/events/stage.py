@@ -91,6 +91,8 @@ class WorldStage(NetworkStage):
     """name of a vehicle -> when events last slowed it down (s), and to what speed (m/s)"""
     _stand_ins: dict[str, list[str]] = field(default_factory=dict)
     """names of each event's stand-ins in SUMO"""
+    _boxes: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
+    """each event's opaque boxes: centre x, y (m), heading (rad), length, width (m)"""
     _blocks: int = 0
     _closed: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
     """(event, lane) -> the stand-in put there last, and from where to where (m) it closes the lane"""
@@ -326,10 +328,19 @@ class WorldStage(NetworkStage):
         for stand_in in self._stand_ins.pop(event, []):
             self.sumo.remove(stand_in)  # on the road, or waiting for room there
 
-    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
+    def hide_behind(self, event: str, place: XYHeading, size: tuple[float, float]) -> None:
         if reaches_onto_road(self.network, place, size):
             raise SimulationError(f"an occlusion box {said(self.network, place)}: {ON_THE_ROAD}")
-        self.sensors.occluders = np.vstack([self.sensors.occluders, [(*place, *size)]])
+        self._boxes.setdefault(event, []).append((*place, *size))
+        self._show_boxes()
+
+    def reveal(self, event: str) -> None:
+        self._boxes.pop(event, None)
+        self._show_boxes()
+
+    def _show_boxes(self) -> None:
+        boxes = [box for several in self._boxes.values() for box in several]
+        self.sensors.occluders = np.array(boxes).reshape(-1, 5)
 
     # ---- the ego
 
