@@ -46,13 +46,13 @@ def validate(
 
     Of a sweep every value is checked, and sixteen points at most are set up; the answer says how many.
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
-    warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
-    episode reaches, for a quantity `below` its least value, for a time between two decisions, for the end of
-    an event that has no duration, or for a vehicle from where no arm is, or whose `probability` is 0, a start
-    speed or a destination that no episode reaches, a kind of `traffic.mix` that may drive nowhere, and what
-    is in the ego's exit beyond its destination. With `--seeds N`, `planner` drives N episodes, and the
-    command says how they end (with whom the ego collides, and whose fault it is), how often and when events
-    happen, and how near the ego comes to the road users that take part.
+    warning names each event that waits for a time, a way, a speed or a place that no episode reaches, for a
+    quantity `below` its least value, for a time between two decisions, for the end of an event that has no
+    duration, or for a vehicle from where no arm is, or whose `probability` is 0, a start speed or a
+    destination that no episode reaches, a kind of `traffic.mix` that may drive nowhere, and what is in the
+    ego's exit beyond its destination. With `--seeds N`, `planner` drives N episodes, and the command says how
+    they end (with whom the ego collides, and whose fault it is), how often and when events happen, and how
+    near the ego comes to the road users that take part.
 
     **Examples**
 

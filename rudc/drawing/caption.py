@@ -217,10 +217,18 @@ def _words(key: str) -> str:
 
 def _value(value: Any, unit: str = "") -> str:
     if isinstance(value, dict) and "choice" in value:
-        return " or ".join(_value(v, unit) for v in value["choice"]["values"])
+        return _choice(**value["choice"], unit=unit)
     if isinstance(value, dict):
         return " ".join(f"{_words(inner)} {_value(v, unit)}" for inner, v in value.items())
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     digits = f"{value:.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
     return f"{digits} {unit}".rstrip()
+
+
+def _choice(values: list[Any], weights: list[float] | None = None, *, unit: str) -> str:
+    """What may be drawn: `left or right`, `3 m/s (75 %) or 4 m/s (25 %)`."""
+    if weights is None:
+        return " or ".join(_value(value, unit) for value in values)
+    each = [(_value(v, unit), w / sum(weights)) for v, w in zip(values, weights, strict=True) if w > 0.0]
+    return " or ".join(f"{text} ({100.0 * share:.0f} %)" if share < 1.0 else text for text, share in each)

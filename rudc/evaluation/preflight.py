@@ -22,6 +22,7 @@ from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
 from rudc.scenario.triggers import Threshold
 from rudc.vehicle import EgoVehicle
+from rudc.world.casting import selected
 from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
 from rudc.world.events.selection import arrivals
@@ -83,12 +84,12 @@ def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
 
 
 def never_happening(scenario: Scenario) -> list[str]:
-    """A line for each event that can never happen: it waits for a time, a way or a speed that no episode
-    reaches, for a quantity below its least value, for a time between two decisions, or for the end of an
-    event without duration, its probability is 0, or nobody comes from where its vehicle would; one for a
-    start speed or a destination that no episode reaches; one for each kind of `traffic.mix` that may drive
-    nowhere; and one for what stands in or crosses the ego's exit beyond its destination. Of a sweep, at the
-    points that `tried_points` chooses."""
+    """A line for each event that can never happen: it waits for a time, a way, a speed or a place that no
+    episode reaches, for a quantity below its least value, for a time between two decisions, for the end of an
+    event without duration, or for a vehicle from where no arm is, or its probability is 0; one for a start
+    speed or a destination that no episode reaches; one for each kind of `traffic.mix` that may drive nowhere;
+    and one for what stands in or crosses the ego's exit beyond its destination. Of a sweep, at the points
+    that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
@@ -130,22 +131,31 @@ def _nobody(scenario: Scenario) -> Iterator[str]:
     network = load_network(scenario.network, scenario.junction)
     movements = movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
     rows = {start_row(network, movement) for movement in movements}
+    from_where = {"oncoming": "opposite the ego's", "crossing": "to a side of the ego's"}
+    missing = {
+        who: where for who, where in from_where.items()
+        if not any(arrivals(network.paths, row, who == "oncoming").any() for row in rows)
+    }  # fmt: skip
     for number, event in enumerate(scenario.events, start=1):
-        who = getattr(event, "vehicle", None)
-        if who not in ("oncoming", "crossing"):
-            continue
-        if not any(arrivals(network.paths, row, who == "oncoming").any() for row in rows):
-            where = "opposite the ego's" if who == "oncoming" else "to a side of the ego's"
+        for who in sorted(selected([event]) & missing.keys()):
             yield (
-                f"event {numbered(number, event.kind)} can never happen: no arm lies {where}, from which "
-                f"a vehicle ({who}) would come"
+                f"event {numbered(number, event.kind)} can never happen: no arm lies {missing[who]}, from "
+                f"which a vehicle ({who}) would come"
             )
 
 
 def _too_fast(scenario: Scenario) -> Iterator[str]:
-    fastest, least = EgoVehicle().v_max, likely(scenario.ego.speed)[0]
+    """A start speed that the car or its road never allows."""
+    network = load_network(scenario.network, scenario.junction)
+    movements = movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
+    arms = {movement.origin for movement in movements}
+    limits = [network.speed_limit(edge) for name in arms for edge in network.arm(name).in_edges]
+    fastest, least = min(network.vehicle.v_max, max(limits)), likely(scenario.ego.speed)[0]
     if least > fastest:
-        yield f"the ego starts at {fastest:g} m/s at most, not at {least:g} (ego.speed): it drives no faster"
+        yield (
+            f"the ego starts at {fastest:g} m/s at most, not at {least:g} (ego.speed): neither its road nor "
+            "the car allows more"
+        )
 
 
 def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:

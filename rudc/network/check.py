@@ -175,7 +175,7 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
     if arm.in_lanes and length < SHORT_ARM:
         yield (
             f"arm {arm.name} is only {length:.0f} m long on its way in; from {SHORT_ARM:.0f} m on there is "
-            "room to start, follow and brake"
+            "room to start, follow and brake (others enter at its outer end, near the junction)"
         )
     if not arm.in_lanes:
         yield f"arm {arm.name} is one-way: nothing enters by it"

@@ -101,7 +101,7 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
             forms = f", {FORMS}" if "<constant>" in loc else ""
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
     if "<word>" in loc:
-        context = {**context, "form": " or {choice: [...]} of them"}
+        context = {**context, "form": " or {choice: [...]}"}
     return Problem(path, _in_words(kind, value, context, detail["msg"]))
 
 

@@ -80,5 +80,4 @@ def _near_props(scene: Scene, props: Sequence[Prop]) -> set[int]:
             near |= inside & (gaps < NEAR_PROP)
         if prop.wanted > 0.0:
             near |= gaps < NEAR_MOVING
-    names = {prop.name for prop in props}
-    return {i for i in np.flatnonzero(near).tolist() if scene.ids[i] not in names}
+    return set(np.flatnonzero(near & (scene.path >= 0)).tolist())

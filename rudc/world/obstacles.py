@@ -2,8 +2,8 @@
 starts, and boxes that should hide what is beside the road but reach onto it.
 
 They are found from the file alone. Each event is played on a stage on which nothing moves and which notes the
-things that would stand there. Only events whose numbers are all fixed are played; where a number is drawn,
-places are checked when the episode is set up.
+things that would stand there. Only events of which nothing is drawn are played; the places of others are
+checked when the episode is set up.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.events import Event, effect_of
 from rudc.scenario.events.registry import ask_effect
 from rudc.scenario.events.stage import Body, XYHeading
+from rudc.scenario.poses import Pose
 from rudc.scenario.problems import Problem
 from rudc.scenario.triggers import Selector
 from rudc.world.events.places import (
@@ -210,11 +211,12 @@ def listed_parts(event: Event, key: str) -> tuple[Any, ...]:
 def standing_parts(event: Event) -> dict[tuple[str, int], Any]:
     """Place in the event -> part, of what it lists that stands on the road, in the order of its things."""
     keys = ("vehicles", "objects")
-    return {(key, k): part for key in keys for k, part in enumerate(listed_parts(event, key))}
+    listed = ((key, k, part) for key in keys for k, part in enumerate(listed_parts(event, key)))
+    return {(key, k): part for key, k, part in listed if isinstance(part, Pose)}
 
 
 def _played(network: Network, route: Route, i: int, event: Event) -> _Site | None:
-    """A stage on which an event has begun; None if some number of it is drawn, or a place does not exist."""
+    """A stage on which an event has begun; None if some of it is drawn, or a place does not exist."""
     if not _is_placed(event):
         return None
     site = _Site(network, route)

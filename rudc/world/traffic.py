@@ -325,8 +325,10 @@ class Traffic:
             lane = lanes[self._rng.integers(len(lanes))]
             length = VEHICLE_TYPES[kind].length
             first = length + 1.0 if k == 0 else 0.0
-            too_short = len(edges) > 1 and lane.length < first + 0.5
-            if too_short or not self.may_drive(kind, movement, lane):
+            if not self.may_drive(kind, movement, lane):
+                kind = None
+                continue
+            if len(edges) > 1 and lane.length < first + 0.5:
                 continue
             front = self._rng.uniform(first, max(lane.length - 1.0, first + 0.5))
             further = sum(self._length(edge) for edge in edges[k + 1 :])

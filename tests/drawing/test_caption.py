@@ -19,6 +19,7 @@ from rudc.drawing.palette import TEXT
 from rudc.drawing.text import fitted, font, wrapped
 from rudc.drawing.view import Driving, ShownEvent, View
 from rudc.safety.filter import Status
+from rudc.scenario.distributions import distribution
 from rudc.scenario.events.vehicle_crossing import VehicleCrossing
 from rudc.scenario.triggers import Trigger
 from tests.plans import event
@@ -139,6 +140,10 @@ def test_numbers_of_events_and_conditions_have_their_units():
     )
     assert "arm north or east, " in describe(either)
     assert "speed 3 m/s or 4 m/s" in describe(either)
+    rarely = either.model_copy(
+        update={"speed": distribution({"choice": {"values": [3, 4, 5], "weights": [3, 0, 1]}})}
+    )
+    assert "speed 3 m/s (75 %) or 5 m/s (25 %)" in describe(rarely)
     far = event("lane_closure", lane="north_in_0", at=1000, length=20)
     assert "at 1000 m, length 20 m" in describe(far)
     late = event("hard_brake", when={"traveled_distance": {"above": 999.7}})

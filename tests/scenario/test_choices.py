@@ -33,8 +33,12 @@ def test_words_are_drawn_with_their_weights_anew_for_each_episode():
 
 
 def test_a_word_that_is_fixed_draws_nothing():
-    fixed, plain = plans(5, from_side="right"), plans(5)
-    assert [event.speed for event in fixed] == [event.speed for event in plain]
+    """Its numbers are those of an event that has no word which could be drawn."""
+    surge = scenario(events=[{"kind": "density_surge", "density": WALKER["speed"]}])
+    speeds = [float(event.speed) for event in plans(5, from_side="right")]
+    assert speeds == [float(surge.plan(seed).events[0].density) for seed in range(5)]
+    drawn = plans(5, arm={"choice": ["north", "east"]})
+    assert speeds != [float(event.speed) for event in drawn]
 
 
 def test_what_is_written_out_is_read_back_the_same():
@@ -64,13 +68,13 @@ def test_every_problem_with_a_choice_of_words(problems):
     check(
         found,
         "3:72: events.0.from_side.choice.1: expected one of left, right; got the text 'rihgt' (did you ...",
-        "4:56: events.1.from_side: expected one of left, right or {choice: [...]} of them; got ...'left'?)",
-        "5:56: events.2.from_side: expected one of left, right or {choice: [...]} of them; got a mapping",
+        "4:56: events.1.from_side: expected one of left, right or {choice: [...]}; got ...'left'?)",
+        "5:56: events.2.from_side: expected one of left, right or {choice: [...]}; got a mapping",
         "6:47: events.3.arm.choice: there is nothing to choose from",
         "7:93: events.4.type.choice.weights: 1 weights for 2 values",
         "8:79: events.5.type.choice.wieghts: unknown key (did you mean 'weights'?)",
         "9:33: events.6.vehicle: expected one of leader, ...; got a mapping; a distribution may stand ...",
-        "10:38: events.7.arm: expected text or {choice: [...]} of them, got the number 3.5",
+        "10:38: events.7.arm: expected text or {choice: [...]}, got the number 3.5",
     )
 
 

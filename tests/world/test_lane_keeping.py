@@ -9,6 +9,7 @@ from rudc.scenario import load_scenario
 from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Kind
+from tests.plans import PlanSource, event
 from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
 
 
@@ -67,3 +68,15 @@ def test_nobody_changes_lanes_beside_somebody_who_walks_over_the_road(make_scene
     sumo = Held()
     LaneKeeping(sumo).step(scene, [walker])  # pyright: ignore[reportArgumentType]
     assert sumo.names == ["other0"] * held
+
+
+def test_what_is_taken_away_beside_somebody_who_walks_is_no_vehicle(world):  # noqa: F811
+    """An accident that was over was to be held in its lane, and SUMO did not know it."""
+    accident = event("accident", vehicles=[{"lane": "north_in_0", "at": 20}], duration=2.0)
+    walkers = event("pedestrian_crossing", arm="north", at=10, speed=1.0, count=3)
+    world.reset(PlanSource(density=0.0, speed=(0.0, 0.0), events=(accident, walkers)).plan(0))
+    there = set[str]()
+    for _ in range(30):
+        world.advance(np.array([-6.0, 0.0]))
+        there |= set(world.scene().ids)
+    assert "accident0:0" in there - set(world.scene().ids)

@@ -10,9 +10,13 @@ from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import ScenarioError
 from rudc.scenario import Scenario, load_scenario
+from rudc.scenario.events import Event
+from rudc.scenario.events.accident import Accident
 from rudc.world.fitting import misfits
+from rudc.world.obstacles import standing_parts
 from rudc.world.scene import Kind
 from tests.plans import event
+from tests.scenario.test_json_schema import SCHEMA, valid
 from tests.world.test_events import CALM, run
 
 STONES = [
@@ -71,6 +75,27 @@ def test_an_accident_without_anything_and_objects_in_the_same_place_are_refused(
     assert "events.1.objects.1: stands where events.1.vehicles.0 stands" in said
     assert "events.2.objects.0.size.1: 0 m is not above 0" in said
     assert len(said.splitlines()) == 3
+
+
+def test_a_user_s_own_accident_keeps_its_values_and_own_objects_are_no_places():
+    class Lit(Accident, frozen=True):
+        lights: bool = True
+
+    class Listed(Event, frozen=True):
+        lane: str = "north_in_0"
+        at: float = 5.0
+        objects: tuple[str, ...] = ("stone",)
+
+    lit = Lit.model_validate({"kind": "accident", "objects": STONES, "lights": False})
+    assert Lit.model_validate(lit.model_dump(mode="json", exclude_none=True)) == lit
+    assert not standing_parts(Listed(kind="listed"))
+    assert list(standing_parts(lit)) == [("objects", 0), ("objects", 1)]
+
+
+def test_an_editor_marks_an_accident_without_anything():
+    file = {"name": "s", "events": [{"kind": "accident", "objects": STONES}]}
+    assert valid(file, SCHEMA)
+    assert not valid({"name": "s", "events": [{"kind": "accident"}]}, SCHEMA)
 
 
 def test_boxes_are_taken_away_when_their_time_is_over_and_no_others(world):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from rudc.scenario.base import refuse
 from rudc.scenario.events.event import Duration, Effect, Event
@@ -15,6 +15,10 @@ from rudc.scenario.poses import Obstacle, Placement
 
 class Accident(Event, frozen=True):
     """Stationary vehicles, and objects such as stones, anywhere, at any heading."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": ["vehicles"]}, {"required": ["objects"]}]}
+    )
 
     kind: Literal["accident"]
     """stationary vehicles and objects anywhere, at any heading"""
@@ -27,7 +31,8 @@ class Accident(Event, frozen=True):
 
     @model_serializer(mode="wrap")
     def _without_empty_lists(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in handler(self).items() if value or key == "kind"}
+        lists = {"vehicles", "objects"}
+        return {key: value for key, value in handler(self).items() if value or key not in lists}
 
     @model_validator(mode="after")
     def _check(self) -> Accident:
