@@ -68,7 +68,7 @@ class Stub:
 
 
 def driven(engine: str, workers: int, episodes: int, folder: Path) -> dict[str, float]:
-    """Real episodes: rows a second from the first row to the last, and processor time of a row."""
+    """Real episodes: rows a second from the first row to the last."""
     plan = SweepPlan(tuple(find_scenarios(SCENARIOS)), AGENTS, max(episodes // 4, 2), 0)
     compile_kernels()
     clock, begun = Clock(), time.perf_counter()
@@ -141,12 +141,11 @@ def _rates(clock: Clock, begun: float) -> dict[str, float]:
     return {
         "first_s": times[0] - begun,
         "rate": (len(times) - 1) / (times[-1] - times[0]),
-        "cpu_s": _cpu_s(resource.RUSAGE_CHILDREN) / len(times),
     }
 
 
-def _cpu_s(whose: int = resource.RUSAGE_SELF) -> float:
-    used = resource.getrusage(whose)
+def _cpu_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
 
@@ -194,10 +193,11 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=1_000_000, help="of the sweep that is tabulated")
     asked = parser.parse_args()
     asked.ray = importlib.util.find_spec("ray") is not None
+    load, _, _ = os.getloadavg()
     compile_kernels()
     with tempfile.TemporaryDirectory() as folder:
         found = measured(asked, Path(folder))
-    write_page(asked.out, found, f"{processor()}, {os.cpu_count()} cores")
+    write_page(asked.out, found, f"{processor()}, {os.cpu_count()} cores, load {load:.1f} when it began")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """What `scaling` measured, as CSV and a page, and the model of many cores that follows from it.
 
-The model. An episode takes `e` seconds of a core, its worker's start included, and `d` of the driver (it is
-given out, its record taken in, its row written); both are processor times, which other work touches least.
-Workers share nothing, so N cores give
+The model. An episode takes `e` seconds of a core, as one local worker drives them one after the other, and
+`d` of the driver (it is given out, its record taken in, its row written; processor time). Workers share
+nothing, so N cores give
 
     rate(N) = min(N / e, 1 / d)        rows a second
 
@@ -42,7 +42,7 @@ class Point(NamedTuple):
 def model(found: Found) -> tuple[list[Point], float]:
     """The points, and the cores up to which more help."""
     one, stubs = found["local 1"], found["stubs local"]
-    episode_s = one["cpu_s"]
+    episode_s = 1.0 / one["rate"]
     driver_s = 1e-3 * max(found[name]["driver_ms"] for name in found if name.startswith("stubs"))
     points = []
     for cores in CORES:
@@ -127,8 +127,8 @@ def _page(found: Found, machine: str, points: Sequence[Point], limit: float) -> 
     return f"""# Scaling
 
 Made by `python -m tests.benchmarks.scaling --out results/scaling`; `scaling.csv` and `model.csv` have the
-figures in full. The machine: {machine}. It was shared with much other work while this ran: rates are lower
-bounds, ratios of rates are rough, and processor times are longer than on a machine of its own.
+figures in full. The machine: {machine}.
+Where that load is not near 0, rates are lower bounds, and their ratios are rough.
 
 ## Measured
 
@@ -150,8 +150,8 @@ Many rows in one folder:
 {many[0]}{many[1]}
 ## A thousand cores, by the model
 
-N cores give min(N / e, 1 / d) rows a second. e = {one["cpu_s"]:.2f} s of a core: an episode, its worker's
-start included; d = {slowest:.3f} ms: what a row takes of the driver, with the engine that takes more.
+N cores give min(N / e, 1 / d) rows a second. e = {1.0 / one["rate"]:.2f} s: an episode, as one local
+worker drives them; d = {slowest:.3f} ms: what a row takes of the driver, with the engine that takes more.
 
 {modelled}
 **First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on. Network and disk are
