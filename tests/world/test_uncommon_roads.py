@@ -80,7 +80,7 @@ def test_who_drives_on_a_lane_of_its_own_keeps_its_way(tmp_path, allowed, kind):
     source = PlanSource(str(network.path), 20.0, "south", "straight", {"car": 0.5, kind: 0.5})
     seen = 0
     with World(network) as world:
-        for scene in drive(world, source, 12.0, seed=1):
+        for scene in drive(world, source, 12.0, seed=4):
             lane = dict(zip(world._reader.names, world._reader.motion.lane, strict=True))
             for i, name in enumerate(scene.ids):
                 assert scene.path[i] >= 0
