@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from rudc.scenario.sections import Ego
 
 
+NAMED = 2
+"""things at most that are named in whose place another stands: of 300 in one place each pair would be told"""
 _Thing = tuple[Path, Event, Standing]
 """where the file places a thing, the event of that thing, and the thing itself"""
 
@@ -172,7 +174,9 @@ def _overlaps(network: Network, things: list[_Thing]) -> list[Problem]:
     found = []
     for k, (path, event, thing) in enumerate(things):
         earlier = {other.name: at for at, before, other in things[:k] if _at_once(before, event)}
-        for other in overlapped(thing, [other for _, _, other in things[:k] if other.name in earlier]):
+        for other in overlapped(thing, [other for _, _, other in things[:k] if other.name in earlier])[
+            :NAMED
+        ]:
             where = f"stands where {dotted(earlier[other.name])} stands, {said(network, thing.place)}"
             found.append(Problem(path, f"{where}; move one of them"))
     return found
