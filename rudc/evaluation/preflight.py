@@ -32,6 +32,8 @@ from rudc.world.spawn import movements_of
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
+    from rudc.network.network import Network
+    from rudc.network.road import Movement
     from rudc.scenario.model import Scalar, Scenario
     from rudc.scenario.triggers import Trigger
 
@@ -126,10 +128,15 @@ def _passed(scenario: Scenario, when: Trigger) -> Iterator[str]:
         )
 
 
+def _roads(scenario: Scenario) -> tuple[Network, list[Movement]]:
+    """The network, and every movement that the ego may be given."""
+    network = load_network(scenario.network, scenario.junction)
+    return network, movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
+
+
 def _nobody(scenario: Scenario) -> Iterator[str]:
     """Events whose vehicle would come from where no way leads to the junction."""
-    network = load_network(scenario.network, scenario.junction)
-    movements = movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
+    network, movements = _roads(scenario)
     rows = {start_row(network, movement) for movement in movements}
     from_where = {"oncoming": "opposite the ego's", "crossing": "to a side of the ego's"}
     missing = {
@@ -146,8 +153,7 @@ def _nobody(scenario: Scenario) -> Iterator[str]:
 
 def _too_fast(scenario: Scenario) -> Iterator[str]:
     """A start speed that the car or its road never allows."""
-    network = load_network(scenario.network, scenario.junction)
-    movements = movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
+    network, movements = _roads(scenario)
     arms = {movement.origin for movement in movements}
     limits = [network.speed_limit(edge) for name in arms for edge in network.arm(name).in_edges]
     fastest, least = min(network.vehicle.v_max, max(limits)), likely(scenario.ego.speed)[0]
@@ -205,11 +211,10 @@ def _never(when: Trigger, end: float) -> Iterator[str]:
 
 
 def _out_of_reach(scenario: Scenario) -> Iterator[str]:
-    network, ego = load_network(scenario.network, scenario.junction), scenario.ego
+    (network, movements), ego = _roads(scenario), scenario.ego
     car, end = network.vehicle, scenario.episode.timeout.support[1]
     if car.v_max * end > 1.2 * network.paths.length.max():  # saves building the routes, which takes a second
         return
-    movements = movements_of(network, ego.plan(np.random.default_rng(0)))
     routes = [network.route(m.origin, m.destination) for m in movements]
     beyond = likely(ego.destination)[0]
     inside = min(min(r.exit_s + beyond, r.length - car.length) - r.stop_line_s for r in routes)

@@ -7,6 +7,7 @@ Where a model has `Side`, `Place` or another word that is annotated with `OrChoi
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -21,9 +22,9 @@ from rudc.scenario.base import FileModel, Identifier, Number, refuse
 class Drawable(FileModel, frozen=True):
     """A value of a file that may differ from episode to episode."""
 
+    @abstractmethod
     def drawn(self, rng: np.random.Generator) -> Any:
         """A fixed value, drawn from it, to stand in its place."""
-        raise NotImplementedError(f"{type(self).__name__} must say how it is drawn")
 
 
 class ChoiceParameters(FileModel, frozen=True):
@@ -98,6 +99,7 @@ class OrChoice:
     """
 
     form: type[WordChoice]
+    """what a choice of such words is made of"""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         forms = {"<word>": handler(source), "<words>": handler.generate_schema(self.form)}

@@ -23,7 +23,7 @@ from rudc.scenario.units import unit_of
 _FORMS: dict[str, type[FileModel]] = {
     f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)
 }
-_WORD_FORMS: dict[str, type[FileModel]] = {"<words>": WordChoice}
+_FORMS["<words>"] = WordChoice
 _PAIR = {"mean": 0, "std": 1}
 """places in [mean, std]"""
 
@@ -214,7 +214,7 @@ def _named(model: type[FileModel]) -> dict[str, FieldInfo]:
 def _model_at(loc: Sequence[str | int], model: type[FileModel]) -> type[FileModel] | None:
     """What the mapping at an error's location is made of."""
     here: type[FileModel] | None = model
-    tags = _FORMS | _WORD_FORMS | {tag_of(kind): event for kind, event in EVENT_KINDS.items()}
+    tags = _FORMS | {tag_of(kind): event for kind, event in EVENT_KINDS.items()}
     for part in loc:
         if part in tags:
             here = tags[str(part)]

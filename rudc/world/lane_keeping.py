@@ -73,11 +73,13 @@ def _near_props(scene: Scene, props: Sequence[Prop]) -> set[int]:
     if not props:
         return set()
     inside = in_junction(scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s)
+    others = scene.position, scene.heading, scene.size
     for prop in props:
-        others = scene.position, scene.heading, scene.size
+        if not (prop.moves or inside.any()):
+            continue
         gaps = rectangle_gaps(*prop.pose(), prop.length, prop.width, *others)
         if prop.kind != Kind.PEDESTRIAN:
             near |= inside & (gaps < NEAR_PROP)
-        if prop.wanted > 0.0:
+        if prop.moves:
             near |= gaps < NEAR_MOVING
     return set(np.flatnonzero(near & (scene.path >= 0)).tolist())
