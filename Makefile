@@ -21,7 +21,7 @@ help:
 	@echo "make soak    20,000 episodes, SHARE=0.02 of them: are memory, speed and open files flat?"
 	@echo "make clean   remove .venv, build, dist and, in out/, docs, gallery and fuzz; sweeps and trainings stay"
 
-setup: .venv/.kernels
+setup: .venv/.ready
 
 .venv/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || \
@@ -29,21 +29,30 @@ setup: .venv/.kernels
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/.core: .venv/.made pyproject.toml constraints.txt
+# what the kernels need, numba and (if there is any) scipy, comes first: they are compiled while pip brings the rest
+.venv/.numba: .venv/.made pyproject.toml constraints.txt
+	$(PIP) numba scipy
+	@touch $@
+
+.venv/.kernels: .venv/.numba
+	$(PY) -m rudc.evaluation.compiled
+	@touch $@
+
+.venv/.core: .venv/.numba
 	$(PIP) --editable .
 	$(PY) -m compileall -q rudc
 	@touch $@
 
-.venv/.kernels: .venv/.core
-	$(PY) -m rudc.evaluation.compiled
+.venv/.ready: .venv/.numba
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.core .venv/.kernels  # at once, since pip uses one core only
 	@touch $@
 
 .venv/.tools: .venv/.core
 	$(PIP) --editable ".[dev]"
 	@touch $@
 
-.venv/.dev: .venv/.core
-	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels .venv/.tools  # at once, since pip uses one core only
+.venv/.dev: .venv/.numba
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.tools .venv/.kernels
 	@touch $@
 
 .venv/.docs: .venv/.core
@@ -54,7 +63,7 @@ setup: .venv/.kernels
 	$(PIP) --editable ".[bench]"
 	@touch $@
 
-sweep: .venv/.kernels
+sweep: .venv/.ready
 	$(PY) -m rudc sweep --shipped --episodes $(EPISODES) --seed 0 --workers $(WORKERS) --out "$(OUT)" --resume
 
 test: .venv/.dev
@@ -70,7 +79,7 @@ types: .venv/.tools
 contracts: .venv/.tools
 	$(PY) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
 
-check: .venv/.core
+check: .venv/.numba
 	@$(MAKE) --no-print-directory --jobs=2 lint types contracts .venv/.kernels  # one core each
 	@$(MAKE) --no-print-directory test
 
@@ -82,7 +91,7 @@ docs: .venv/.docs
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet --clean
 	@echo "out/docs/index.html written"
 
-gallery: .venv/.kernels
+gallery: .venv/.ready
 	$(PY) -m rudc.reporting.gallery out/gallery results/ood results/tasks
 
 bench: .venv/.bench
