@@ -40,6 +40,8 @@ class PlanSource:
     speed_factor: Distribution = field(default_factory=lambda: constant(1.0))
     events: tuple[Event, ...] = ()
     timeout_s: float = 40.0
+    origins: dict[str, float] | None = None
+    turns: dict[str, float] | None = None
 
     def plan(self, seed: int, attempt: int = 0) -> EpisodePlan:
         rng = np.random.default_rng([seed, attempt])
@@ -56,6 +58,8 @@ class PlanSource:
             constant(3.0),
             self.speed_factor,
             self.warm_up_s,
+            self.origins,
+            self.turns,
         )
         ego = EgoPlan(self.origin, self.turn, None, speed, distance, 30.0)
         return EpisodePlan(

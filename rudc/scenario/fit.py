@@ -20,7 +20,7 @@ from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.model import GRID_LIMIT
 from rudc.scenario.networks import existing_network
 from rudc.scenario.problems import Problem
-from rudc.scenario.sections import Ego
+from rudc.scenario.sections import Ego, Traffic
 from rudc.scenario.spread import spread
 from rudc.scenario.yaml_text import Report, Sheet
 
@@ -28,9 +28,10 @@ Model = TypeVar("Model")
 
 _EVENT: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 _EGO: TypeAdapter[Ego] = TypeAdapter(Ego)
+_TRAFFIC: TypeAdapter[Traffic] = TypeAdapter(Traffic)
 _NETWORK = "four_way"
-ASKED_ABOUT = ("network", "junction", "ego", "events")
-"""top-level keys that a fit can depend on"""
+ASKED_ABOUT = ("network", "junction", "ego", "events", "traffic.from", "traffic.turns")
+"""dotted keys that a fit can depend on"""
 ASKED = 64
 """combinations of their swept values that are checked; the others may fail when a sweep comes to them"""
 
@@ -43,6 +44,8 @@ class Parts:
     """name of a shipped network or path of a .net.xml"""
     junction: str | None = None
     ego: Ego | None = None
+    """None where it cannot be read"""
+    traffic: Traffic | None = None
     """None where it cannot be read"""
     events: dict[int, Event] = field(default_factory=dict)
     """place in the file's list -> event, of those that can be read"""
@@ -102,8 +105,8 @@ def readable(data: dict[str, Any]) -> Parts | None:
     given = data.get("events")
     read = ((i, _read(_EVENT, item)) for i, item in enumerate(given if isinstance(given, list) else ()))
     events = {i: event for i, event in read if event is not None}
-    ego = _read(_EGO, data.get("ego", {}))
-    return Parts(network, None if junction is None else str(junction), ego, events)
+    ego, traffic = _read(_EGO, data.get("ego", {})), _read(_TRAFFIC, data.get("traffic", {}))
+    return Parts(network, None if junction is None else str(junction), ego, traffic, events)
 
 
 def _read(adapter: TypeAdapter[Model], data: Any) -> Model | None:
@@ -125,7 +128,7 @@ def _axes(base: dict[str, Any], sweep: Any) -> dict[str, list[Any]]:
     axes: dict[str, list[Any]] = {}
     combinations = 1
     for key, values in sweep.items() if isinstance(sweep, dict) else ():
-        if key.split(".")[0] not in ASKED_ABOUT or not isinstance(values, list) or not values:
+        if not _is_asked_about(key) or not isinstance(values, list) or not values:
             continue
         try:
             with_value(base, key, values[0])
@@ -135,6 +138,11 @@ def _axes(base: dict[str, Any], sweep: Any) -> dict[str, list[Any]]:
         if combinations <= GRID_LIMIT:
             axes[key] = values
     return axes
+
+
+def _is_asked_about(key: str) -> bool:
+    """Whether a fit can depend on a dotted key, on something in it, or on what it is a part of."""
+    return any(f"{known}.".startswith(f"{key}.") or key.startswith(f"{known}.") for known in ASKED_ABOUT)
 
 
 def _placed(

@@ -114,12 +114,14 @@ def _type(field: FieldInfo) -> str:
         return f"list of mappings{kinds}" if many else "mapping"
     if bounds:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
+        if _is_dict(field.annotation):
+            return f"mapping, each {numbers}"
         return f"[number, number], {numbers}" if len(bounds) == 2 else numbers
     words = ["true", "false"] if field.annotation is bool else _words(field.annotation)
     chosen = " | {choice: ...}" if may_be_chosen(field) else ""
     if words:
         return " | ".join(words) + chosen
-    if get_origin(field.annotation) is dict:
+    if _is_dict(field.annotation):
         return "mapping"
     return "text" + chosen
 
@@ -140,6 +142,11 @@ def _default(field: FieldInfo) -> str:
     if plain in (None, "", (), {}):
         return ""
     return yaml.safe_dump(plain, default_flow_style=True, width=1000).removesuffix("...\n").strip()
+
+
+def _is_dict(annotation: Any) -> bool:
+    """Whether a field holds a mapping whose keys are a file's own, or nothing."""
+    return get_origin(annotation) is dict or any(map(_is_dict, get_args(annotation)))
 
 
 def _words(annotation: Any) -> list[str]:

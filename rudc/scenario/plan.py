@@ -59,6 +59,10 @@ class TrafficPlan:
     """desired speed, as a multiple of the limit"""
     warm_up_s: float
     """s simulated before the ego appears"""
+    origins: Mapping[str, float] | None = None
+    """share of those who come by each arm (compass name or edge id); None: as many as the arms have lanes"""
+    turns: Mapping[str, float] | None = None
+    """share of each turn: left, straight, right; None: all ways on are alike"""
 
 
 class Drawable(Protocol):

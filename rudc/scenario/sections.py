@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
@@ -120,6 +121,34 @@ class Idm(FileModel, frozen=True):
     """m/s2, comfortable deceleration"""
 
 
+def _refuse_nothing(shares: Mapping[str, Distribution], example: str) -> None:
+    """Refuse shares that are all 0, or that can all be drawn as 0."""
+    if all(share.support[1] == 0 for share in shares.values()):
+        refuse(f"one share at least must be above 0, as in {example}")
+    if all(map(_may_be_zero, shares.values())):
+        refuse(
+            "all shares can be drawn as 0 in the same episode; one at least must always be above 0 "
+            "(episodes without traffic: `density: {choice: [0, 20]}`)"
+        )
+
+
+def _may_be_zero(share: Distribution) -> bool:
+    """Whether a share can be drawn as 0: 0 itself, or a choice with 0 in it. A number from a range is taken
+    to be above 0.
+    """
+    low, high = share.support
+    return low == 0 and (isinstance(share, Choice) or high == 0)
+
+
+def _drawn(key: str, shares: Mapping[str, Distribution], rng: np.random.Generator) -> dict[str, float]:
+    """Name -> share, of those above 0; together 1."""
+    drawn = {name: share.sample(rng) for name, share in shares.items()}
+    total = sum(drawn.values())
+    if total == 0:
+        raise InputError(f"{key}: every share was drawn as 0")
+    return {name: share / total for name, share in drawn.items() if share > 0}
+
+
 class Mix(FileModel, frozen=True):
     """Relative shares of the types of surrounding vehicles."""
 
@@ -136,31 +165,39 @@ class Mix(FileModel, frozen=True):
 
     @model_validator(mode="after")
     def _check(self) -> Mix:
-        shares = [getattr(self, name) for name in type(self).model_fields]
-        if all(share.support[1] == 0 for share in shares):
-            refuse("one share at least must be above 0, as in {car: 0.8, truck: 0.2}")
-        if all(map(_may_be_zero, shares)):
-            refuse(
-                "all shares can be drawn as 0 in the same episode; one at least must always be above 0 "
-                "(episodes without traffic: `density: {choice: [0, 20]}`)"
-            )
+        _refuse_nothing(self.shares, "{car: 0.8, truck: 0.2}")
         return self
 
-    def shares(self, rng: np.random.Generator) -> dict[str, float]:
-        """Type -> share, of those above 0; together 1."""
-        drawn = {name: getattr(self, name).sample(rng) for name in type(self).model_fields}
-        total = sum(drawn.values())
-        if total == 0:
-            raise InputError("traffic.mix: every share was drawn as 0")
-        return {name: share / total for name, share in drawn.items() if share > 0}
+    @property
+    def shares(self) -> dict[str, Distribution]:
+        """Type -> share."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
 
 
-def _may_be_zero(share: Distribution) -> bool:
-    """Whether a share can be drawn as 0: 0 itself, or a choice with 0 in it. A number from a range is taken
-    to be above 0.
-    """
-    low, high = share.support
-    return low == 0 and (isinstance(share, Choice) or high == 0)
+class Turns(FileModel, frozen=True):
+    """Relative shares of the ways through the junction."""
+
+    left: Share = Constant(value=0.0)
+    """share of those who turn left, of all who come by an arm"""
+    straight: Share = Constant(value=0.0)
+    """share of those who go straight on"""
+    right: Share = Constant(value=0.0)
+    """share of those who turn right"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Turns:
+        _refuse_nothing(self.shares, "{left: 1, straight: 4}")
+        return self
+
+    @property
+    def shares(self) -> dict[str, Distribution]:
+        """Turn -> share."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
+
+
+def _of_arms(shares: dict[str, Distribution]) -> dict[str, Distribution]:
+    _refuse_nothing(shares, "{north: 3, east: 1}")
+    return shares
 
 
 class Traffic(FileModel, frozen=True):
@@ -172,6 +209,14 @@ class Traffic(FileModel, frozen=True):
     """m/s, at the start, at most the limit of its road; drawn anew for each vehicle"""
     mix: Mix = Mix(car=Constant(value=1.0))
     """relative share of each type of vehicle; of those not named, none"""
+    origins: Annotated[dict[Identifier, Share], AfterValidator(_of_arms)] | None = Field(
+        default=None, alias="from"
+    )
+    """ARM -> relative share of those who come by it, such as {north: 3, east: 1}; nobody comes by an arm that
+    is not named; by default in proportion to the arms' lanes; `density` is that of all roads together"""
+    turns: Turns | None = None
+    """relative share of each turn among those who come by an arm, such as {left: 1, straight: 4}; of those
+    not named, none; by default all ways on are equally likely"""
     impatience: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.6)
     """how far they rely on others to brake for them, 0 to 1 (SUMO's `impatience`, 0 by default in SUMO)"""
     minor_gap: Annotated[AnyDistribution, Bounds(0, 20, "s")] = Constant(value=0.6)
@@ -190,7 +235,7 @@ class Traffic(FileModel, frozen=True):
         return TrafficPlan(
             density=self.density.sample(rng),
             speed=self.speed,
-            mix=self.mix.shares(rng),
+            mix=_drawn("traffic.mix", self.mix.shares, rng),
             impatience=self.impatience.sample(rng),
             minor_gap_s=self.minor_gap.sample(rng),
             headway_s=self.idm.headway,
@@ -199,6 +244,8 @@ class Traffic(FileModel, frozen=True):
             decel=self.idm.decel,
             speed_factor=self.speed_factor,
             warm_up_s=self.warm_up.sample(rng),
+            origins=None if self.origins is None else _drawn("traffic.from", self.origins, rng),
+            turns=None if self.turns is None else _drawn("traffic.turns", self.turns.shares, rng),
         )
 
 

@@ -23,7 +23,8 @@ from rudc.scenario.distributions import Distribution, Normal
 from rudc.scenario.dotted import Path
 from rudc.scenario.fit import Parts
 from rudc.scenario.problems import Problem
-from rudc.scenario.sections import Ego
+from rudc.scenario.sections import Ego, Traffic
+from rudc.world.demand import Demand
 from rudc.world.obstacles import in_the_way
 from rudc.world.spawn import movements_of
 
@@ -45,6 +46,7 @@ def misfits(parts: Parts) -> list[Problem]:
     except NetworkError as error:
         return [Problem(("junction" if isinstance(error, JunctionError) else key,), str(error))]
     movements, found = _movements(network, parts.ego)
+    found += _no_way(network, parts.traffic)
     for i, event in parts.events.items():
         for path, part in _placed(event, ("events", i)):
             found += _of_another_type(path, part) or _misplaced(network, movements, path, part)
@@ -71,6 +73,31 @@ def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[
     except NetworkError as error:
         return [], [Problem(("ego", "route"), str(error))]
     return movements, _too_far(network, movements, ego)
+
+
+def _no_way(network: Network, traffic: Traffic | None) -> list[Problem]:
+    """The problems with the arms by which traffic comes, and with its turns."""
+    if traffic is None or (traffic.origins is None and traffic.turns is None):
+        return []
+    turns = traffic.turns and {name: 1.0 for name, share in traffic.turns.shares.items() if share.support[1]}
+    arms = {name: 1.0 for name, share in (traffic.origins or {}).items() if share.support[1]}
+    problems, names = [], dict[str, str]()
+    for name in traffic.origins or ():
+        try:
+            first = names.setdefault(network.arm(name).name, name)
+            if first != name:
+                text = f"is the arm of {first!r}, too: name an arm once"
+                problems.append(Problem(("traffic", "from", name), text, on_key=True))
+            elif name in arms:
+                Demand(network, {name: 1.0}, turns)
+        except NetworkError as error:
+            problems.append(Problem(("traffic", "from", name), str(error), on_key=True))
+    if traffic.origins is None:
+        try:
+            Demand(network, None, turns)
+        except NetworkError as error:
+            problems.append(Problem(("traffic", "turns"), str(error)))
+    return problems
 
 
 def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:

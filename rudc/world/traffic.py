@@ -8,7 +8,6 @@ stays at round(density * road_km) while there is room.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from rudc.scenario.events.event import HARDEST
 from rudc.world.bends import Bends
+from rudc.world.demand import Demand
 from rudc.world.sumo import HEEDLESS, OWN_SPEED, Sumo
 from rudc.world.vehicle_types import EGO, EMERGENCY_DECEL, VEHICLE_TYPES, VehicleType
 
@@ -72,16 +72,7 @@ class Traffic:
     def __init__(self, sumo: Sumo, network: Network) -> None:
         self._sumo = sumo
         self._network = network
-        self._movements: dict[str, list[Movement]] = {}
-        for movement in network.onward:
-            self._movements.setdefault(movement.origin, []).append(movement)
         self._arms = {arm.name: arm for arm in network.arms}
-        self._origins = sorted(self._movements)
-        """names of the arms that SVs come from, in proportion to their lanes"""
-        lanes = np.array([len(self._arms[name].in_lanes) for name in self._origins], dtype=float)
-        shares = np.cumsum(lanes / lanes.sum())
-        self._shares: list[float] = (shares / shares[-1]).tolist()
-        """cumulative shares of these arms, computed as `numpy.random.Generator.choice` does"""
         self._lanes: dict[str, list[Lane]] = {}
         """lanes of each edge"""
         for lane in network.lanes.values():
@@ -123,9 +114,9 @@ class Traffic:
         self.lengths_m = sorted({kind.length for kind in types})
         """m, the lengths of the mix's vehicles"""
         self.density = self.usual_density = plan.density
-        for movements in self._movements.values():
-            for movement in movements:
-                self._sumo.add_route(_route(movement), movement.edges)
+        self._demand = Demand(self._network, plan.origins, plan.turns)
+        for movement in self._network.onward:
+            self._sumo.add_route(_route(movement), movement.edges)
         for arm in self._arms.values():
             if arm.out_edges:
                 self._sumo.add_route(f"leave:{arm.name}", arm.out_edges)
@@ -265,13 +256,6 @@ class Traffic:
         self._slow_later = self.bends.slow(self.grip, self.waiting.values())
         """whether limits wait for vehicles to enter"""
 
-    def _draw_movement(self) -> Movement:
-        choices = self._movements[self._origins[bisect_right(self._shares, self._rng.random())]]
-        if self._closed:
-            free = [m for m in choices if (m.origin, m.destination) not in self._closed]
-            choices = free or choices
-        return choices[self._rng.integers(len(choices))]
-
     def draw_type(self) -> str:
         """The kind of a further SV, drawn from the scenario's mix."""
         names, weights = self._mix
@@ -314,7 +298,7 @@ class Traffic:
     def _place_somewhere(self) -> None:
         kind = None
         for _ in range(40):
-            movement, kind = self._draw_movement(), kind or self.draw_type()
+            movement, kind = self._demand.draw(self._closed, self._rng), kind or self.draw_type()
             inbound = self._rng.random() < 0.5
             arm = self._arms[movement.origin if inbound else movement.destination]
             edges = arm.in_edges if inbound else arm.out_edges
@@ -374,7 +358,7 @@ class Traffic:
         """
         kind, self._kind_waiting, refused = self._kind_waiting, None, True
         for _ in range(8):
-            movement, kind = self._draw_movement(), kind or self.draw_type()
+            movement, kind = self._demand.draw(self._closed, self._rng), kind or self.draw_type()
             lanes = self._inbound[movement.origin, movement.destination][0]
             lane = lanes[self._rng.integers(len(lanes))]
             if not self.may_drive(kind, movement, lane):
