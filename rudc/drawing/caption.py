@@ -149,12 +149,12 @@ def describe(event: Event) -> str:
     units = {field.alias or name: unit_of(field) for name, field in type(event).model_fields.items()}
     parts = [event.kind.replace("_", " ")]
     for key, value in data.items():
-        many = isinstance(value, list)
-        parts.append(
-            f"{len(value)} {_ONE.get(key, key) if len(value) == 1 else key}"
-            if many
-            else f"{_words(key)} {_value(value, units[key])}"
-        )
+        if isinstance(value, bool):
+            parts.append(_words(key) if value else f"not {_words(key)}")
+        elif isinstance(value, list):
+            parts.append(f"{len(value)} {_ONE.get(key, key) if len(value) == 1 else key}")
+        else:
+            parts.append(f"{_words(key)} {_value(value, units[key])}")
     return ", ".join(parts)
 
 

@@ -115,4 +115,4 @@ class OpaqueBox(Box, frozen=True):
 
 
 class Obstacle(Box, frozen=True):
-    """Something that lies on the road, such as stones or a mattress; it hides nothing."""
+    """Something that lies on the road, such as stones or a mattress."""

@@ -201,8 +201,13 @@ class Stage(ABC):
         """
 
     @abstractmethod
+    def hide_behind_things(self, event: str) -> None:
+        """Have what the event of that name has put on the road hide what is behind it from the ego, where it
+        stands now."""
+
+    @abstractmethod
     def reveal(self, event: str) -> None:
-        """Take away the boxes that the event of that name has put up."""
+        """Take away the boxes that the event of that name has put up, and see through its things again."""
 
     # ---- the ego
 

@@ -47,6 +47,8 @@ LOOK_M = 0.5
 """m between the places ahead at which it is tested whether the ego would touch a thing"""
 JOINED_M = 0.5
 """m, largest gap between pieces of one event that close a lane together"""
+OUTLINE_M = 0.05
+"""m within its outline, from which on an opaque thing hides what is behind: its own corners stay in sight"""
 
 
 @dataclass(slots=True)
@@ -332,6 +334,13 @@ class WorldStage(NetworkStage):
         if reaches_onto_road(self.network, place, size):
             raise SimulationError(f"an occlusion box {said(self.network, place)}: {ON_THE_ROAD}")
         self._boxes.setdefault(event, []).append((*place, *size))
+        self._show_boxes()
+
+    def hide_behind_things(self, event: str) -> None:
+        names = self.things_of(event)
+        for thing in (_as_standing(prop) for prop in self.props if prop.name in names):
+            inner = [max(side - 2.0 * OUTLINE_M, 0.0) for side in thing.size]
+            self._boxes.setdefault(event, []).append((*thing.place, *inner))
         self._show_boxes()
 
     def reveal(self, event: str) -> None:
