@@ -41,7 +41,9 @@ it is closer already, than it is now.
     u is taken         otherwise
 
 Before that, the proposed action replaces a relaxed one (filter.py) that would leave the ego in the way of
-somebody who comes within COMING_S, if an ego that goes on is out of that way SPARE_S before.
+somebody who comes within COMING_S, if an ego that goes on is out of that way before: by every prediction of
+that other, and SPARE_S before if it keeps its speed. The ego may stop again, behind its leader, after one of
+GOES_ON_S.
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
 the model: if u was taken because a stop can follow it, a stop is possible again in the next step. Those who
@@ -70,6 +72,7 @@ from rudc.safety.last_resort_kernels import (
     way_of_going,
     way_of_stopping,
 )
+from rudc.safety.others import Others
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, following, lines
 from rudc.vehicle import EgoVehicle
 from rudc.world.borders import Borders
@@ -103,28 +106,11 @@ SOON_S = 0.6
 COMING_S = 6.0
 """s, how far ahead those are looked for who would come upon an ego that stops in their way"""
 SPARE_S = 0.5
-"""s, by which an ego that goes on before them must be out of their way"""
+"""s, by which an ego that goes on before them must be out of their way, if they keep their speed"""
+GOES_ON_S = 0.5, 1.0, 1.5, 2.0
+"""s, for which an ego goes on before it stops, where it cannot go on for longer: behind its leader"""
 CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
-
-
-class _Others(NamedTuple):
-    """m predictions of those whom a manoeuvre might hit: up to three for each of them."""
-
-    who: Index
-    """(m,) index of each among the scene's others"""
-    place: Complex
-    """(m, T) m, positions of their centres"""
-    facing: Complex
-    """(m, T) directions e^(i psi)"""
-    half: Array
-    """(m, 2) m, half lengths and half widths"""
-    still: Flags
-    """(m,) whether they stand still"""
-
-    def during(self, instants: slice) -> _Others:
-        """The same predictions at some of the instants only."""
-        return self._replace(place=self.place[:, instants], facing=self.facing[:, instants])
 
 
 class Instead(NamedTuple):
@@ -186,8 +172,8 @@ class LastResort:
     def would_block(self, scene: Scene, braking: Array, going: Array) -> Index:
         """Indices of those who move and within COMING_S would come upon an ego that stops after the action
         `braking` (2,), m/s2 and rad, but would not meet one that takes the action `going` (2,) and goes on,
-        not even if they came SPARE_S earlier. Empty if it would meet any of them, or anybody else within
-        HORIZON, or if `going` would not be taken.
+        or goes on and then stops, not even if they came SPARE_S earlier. Empty if it would meet any of them,
+        or anybody else within HORIZON, or if `going` would not be taken.
         """
         self._times = self._until(COMING_S)
         first, v, _ = self._first(scene, float(going[0]))
@@ -198,16 +184,32 @@ class LastResort:
         who = np.unique(others.who[kept & ~others.still & (stops < -CREEPING)])
         if not len(who):
             return who
-        place, facing = self._along(scene, going, way)
+        ways = way, *(self._ended(scene, way, end_s) for end_s in reversed(GOES_ON_S))
+        clear = any(self._is_clear(scene, others, who, kept, *self._along(scene, going, w)) for w in ways)
+        return who if clear and self.instead_of(scene, going) is None else who[:0]
 
-        def meets(them: Flags, predicted: _Others) -> bool:
+    def _is_clear(
+        self, scene: Scene, others: Others, who: Index, kept: Flags, place: Complex, facing: Complex
+    ) -> bool:
+        """Whether an ego at `place` (T,) m facing `facing` (T,) keeps clear of `who` (n,) by all predictions,
+        if they keep their speed also SPARE_S sooner, and of all `kept` (m,) within HORIZON.
+        """
+
+        def meets(them: Flags, predicted: Others) -> bool:
             end = predicted.place.shape[1]
             return bool((self._room(scene, predicted, place[:end], facing[:end])[them] < -CREEPING).any())
 
-        its, sooner = np.isin(others.who, who), others.during(slice(round(SPARE_S / self._dt), None))
+        its = np.isin(others.who, who)
+        sooner = others.during(slice(round(SPARE_S / self._dt), None))
         soon = others.during(slice(len(self._usual)))
-        clear = not (meets(its, others) or meets(its, sooner) or meets(kept, soon))
-        return who if clear and self.instead_of(scene, going) is None else who[:0]
+        return not (meets(its, others) or meets(its & others.steady, sooner) or meets(kept, soon))
+
+    def _ended(self, scene: Scene, way: Array, end_s: float) -> Array:
+        """(T,) m driven as `way` (T,) until `end_s`, and then braking fully."""
+        k, brakes = round(end_s / self._dt), -scene.vehicle.a_min
+        v = (way[k] - way[k - 1]) / self._dt
+        since = np.clip(self._times - self._times[k], 0.0, v / brakes)
+        return np.where(self._times <= self._times[k], way, way[k] + v * since - 0.5 * brakes * since**2)
 
     def _until(self, end_s: float) -> Array:
         """(T,) s, instants from 0 to `end_s` or the first one after it."""
@@ -218,7 +220,7 @@ class LastResort:
         """Whether full braking, with room of `braking` m, is better than what has `room` m."""
         return braking > (room - ALIKE if room < -self._margin else room)
 
-    def _struck(self, scene: Scene, others: _Others, hit: Flags, braking: Array) -> Index:
+    def _struck(self, scene: Scene, others: Others, hit: Flags, braking: Array) -> Index:
         """Indices of the others that move and, by every prediction of them, `hit` (m,) an ego under `braking`
         (2,), m/s2 and rad, before they could stop gently.
         """
@@ -230,14 +232,14 @@ class LastResort:
         late = [i for i in who.tolist() if self._is_late(scene, others, i, place, facing)]
         return np.array(late, dtype=np.int64)
 
-    def _is_late(self, scene: Scene, others: _Others, i: int, place: Complex, facing: Complex) -> bool:
+    def _is_late(self, scene: Scene, others: Others, i: int, place: Complex, facing: Complex) -> bool:
         """Whether i meets an ego at `place` (T,) m facing `facing` (T,) too soon to stop gently. At v m/s it
         has v t m until it meets the ego after t s, and stopping with a m/s2 takes v^2 / (2 a): t < v / (2 a).
         """
         speed = float(np.hypot(*scene.velocity[i]))
         soon = self._times <= speed / (2.0 * GENTLY * -scene.vehicle.a_min)
         its = others.who == i
-        until = _Others(
+        until = Others(
             others.who[its], others.place[its][:, soon], others.facing[its][:, soon],
             others.half[its], others.still[its],
         )  # fmt: skip
@@ -257,7 +259,7 @@ class LastResort:
         near = others.who[room < -CREEPING]
         return bool(np.isin(near, self._behind(scene, near)).all())
 
-    def _stops(self, scene: Scene, others: _Others, u: Array) -> Array:
+    def _stops(self, scene: Scene, others: Others, u: Array) -> Array:
         """(1 or 2, m) m, room of stopping after `u` with the steering held and, where somebody stands still,
         of stopping along the route.
         """
@@ -267,7 +269,7 @@ class LastResort:
             rooms.append(self._room(scene, others, *self._along(scene, u, way)))
         return np.stack(rooms)
 
-    def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
+    def _brake(self, scene: Scene, others: Others, kept: Flags, delta: float) -> tuple[Array, Array]:
         """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad, as the wheels are
         now or, if somebody stands still, along the route: whichever has most room. If all hit somebody, one
         that stays on the road comes first.
@@ -302,9 +304,9 @@ class LastResort:
         """Those of `who` that drive behind the ego."""
         return who[following(scene, who)]
 
-    def _others(self, scene: Scene, way: float) -> _Others:
+    def _others(self, scene: Scene, way: float) -> Others:
         """Those whom the ego might meet on a way of `way` m."""
-        return _Others(*in_reach(*self._around(scene, way)))
+        return Others(*in_reach(*self._around(scene, way)))
 
     def _around(self, scene: Scene, way: float) -> tuple[Any, ...]:
         """The arguments of `in_reach` for a way of `way` m."""
@@ -328,7 +330,7 @@ class LastResort:
             body.cg_to_rear, 0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
         )  # fmt: skip
 
-    def _room(self, scene: Scene, others: _Others, place: Complex, facing: Complex) -> Array:
+    def _room(self, scene: Scene, others: Others, place: Complex, facing: Complex) -> Array:
         """(m,) m, room that an ego at `place` (T,) m facing `facing` (T,) has towards each; inf if it does
         not come near.
         """

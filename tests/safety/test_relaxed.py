@@ -1,6 +1,7 @@
 """What the filter does where not all rows can hold."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,12 @@ def in_the_way(*more: Other, distance: float = 25.0, **changes: Any) -> Scene:
     return make_scene([comes, *more], **{"x": -1.0, "v": 2.0, **changes})
 
 
+def speeding_up(distance: float, speed: float, rate: float, **changes: Any) -> Scene:
+    """As `in_the_way`, with a car that drives at `speed` m/s and speeds up with `rate` m/s2."""
+    comes = Other(0.0, -distance, math.pi / 2, speed, row=0, s=100.0 - distance)
+    return replace(make_scene([comes], **changes), acceleration=np.array([rate]))
+
+
 GENTLY = np.array([2.0, 0.0])
 ECBF = FilterConfig.preset("ecbf")
 
@@ -45,6 +52,21 @@ def test_who_would_stop_in_somebodys_way_and_is_out_of_it_in_time_goes_on() -> N
 
 
 @pytest.mark.parametrize(
+    "scene",
+    [
+        in_the_way(Other(13.0, 0.0, 0.0, 2.0)),
+        speeding_up(10.95, 3.42, 1.7, x=-0.53, v=1.62),
+        speeding_up(17.6, 5.73, 1.85, x=-1.27, v=1.65),
+    ],
+)
+def test_so_does_one_with_a_slow_leader_or_before_somebody_who_speeds_up(scene: Scene) -> None:
+    """It may stop again beyond the other's way. Who speeds up has not begun to do so half a second ago."""
+    answer = SafetyFilter(ECBF).filter(scene, GENTLY)
+    assert answer.status == "onwards"
+    assert (answer.u == GENTLY).all()
+
+
+@pytest.mark.parametrize(
     ("why", "scene"),
     [
         ("the other comes too soon", in_the_way(distance=15.0)),
@@ -52,6 +74,8 @@ def test_who_would_stop_in_somebodys_way_and_is_out_of_it_in_time_goes_on() -> N
         ("it stops before the other's way", in_the_way(x=-5.0, v=2.0, distance=15.0)),
         ("somebody stands on its way", in_the_way(Other(6.5, 0.0))),
         ("somebody else comes", in_the_way(Other(0.0, 9.0, -math.pi / 2, 4.0))),
+        ("its leader leaves it no room beyond the other's way", in_the_way(Other(7.0, 0.0, 0.0, 1.0))),
+        ("the other, who speeds up, would hit it", speeding_up(10.95, 3.42, 3.0, x=-0.53, v=1.62)),
     ],
 )
 def test_it_does_not_go_on_where(why: str, scene: Scene) -> None:
