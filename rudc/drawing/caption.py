@@ -7,6 +7,9 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from rudc.drawing.view import Driving, ShownEvent, View
+from rudc.scenario.base import FileModel
+from rudc.scenario.choices import Drawable
+from rudc.scenario.distributions import Distribution
 from rudc.scenario.units import unit_of
 from rudc.world.scene import Kind, Scene
 
@@ -143,19 +146,28 @@ _ONE = {"vehicles": "vehicle", "objects": "object", "boxes": "box"}
 
 def describe(event: Event) -> str:
     """An event in a line: what it is and its numbers; its `when` is left out."""
-    data: dict[str, Any] = event.model_dump(mode="json", by_alias=True, exclude_none=True)
-    for name in ("when", "kind"):
-        data.pop(name, None)
-    units = {field.alias or name: unit_of(field) for name, field in type(event).model_fields.items()}
-    parts = [event.kind.replace("_", " ")]
+    return ", ".join([event.kind.replace("_", " "), *_numbers(event, without=("when", "kind"))])
+
+
+def _numbers(model: FileModel, without: tuple[str, ...] = ()) -> list[str]:
+    """What each key of a part of a file says, with its unit."""
+    data: dict[str, Any] = model.model_dump(mode="json", by_alias=True, exclude_none=True)
+    fields = {field.alias or name: (name, field) for name, field in type(model).model_fields.items()}
+    parts = []
     for key, value in data.items():
+        if key in without:
+            continue
+        name, field = fields[key]
+        part = getattr(model, name)
         if isinstance(value, bool):
             parts.append(_words(key) if value else f"not {_words(key)}")
         elif isinstance(value, list):
             parts.append(f"{len(value)} {_ONE.get(key, key) if len(value) == 1 else key}")
+        elif isinstance(part, FileModel) and not isinstance(part, Distribution | Drawable):
+            parts.append(f"{_words(key)} {' '.join(_numbers(part))}")
         else:
-            parts.append(f"{_words(key)} {_value(value, units[key])}")
-    return ", ".join(parts)
+            parts.append(f"{_words(key)} {_value(value, unit_of(field))}")
+    return parts
 
 
 def conditions(event: Event) -> str:

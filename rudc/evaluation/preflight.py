@@ -14,9 +14,12 @@ from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
 from rudc.network.network import load_network
 from rudc.network.route_builder import start_row
+from rudc.network.stretches import EGO_IN, EGO_OUT
 from rudc.scenario.choices import possible
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
+from rudc.scenario.events.pedestrian_crossing import PedestrianCrossing
+from rudc.scenario.events.vehicle_crossing import VehicleCrossing
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
@@ -25,6 +28,7 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.casting import selected
 from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
+from rudc.world.events.places import across_arm
 from rudc.world.events.selection import arrivals
 from rudc.world.fitting import likely, misfits
 from rudc.world.obstacles import standing_parts
@@ -251,7 +255,25 @@ def _beyond(scenario: Scenario) -> Iterator[str]:
                 )
 
 
-_FINDERS = _in_vain, _nobody, _too_fast, _out_of_reach, _nowhere, _beyond
+def _unpaused(scenario: Scenario) -> Iterator[str]:
+    """A pause that begins where those who cross have arrived."""
+    network, movements = _roads(scenario)
+    of_ego = {EGO_IN: {m.origin for m in movements}, EGO_OUT: {m.destination for m in movements}}
+    for number, event in enumerate(scenario.events, start=1):
+        if not isinstance(event, PedestrianCrossing | VehicleCrossing) or event.pause is None:
+            continue
+        after, at = event.pause.after.support[0], likely(event.at)[0]
+        arms = {arm for name in possible(event.arm) for arm in of_ego.get(name, {name})}
+        route = network.route(movements[0].origin, movements[0].destination)
+        way = max(float(np.hypot(*np.diff(across_arm(network, route, arm, at), axis=0)[0])) for arm in arms)
+        if after >= way:
+            yield (
+                f"event {numbered(number, event.kind)}: its pause begins after {after:g} m (pause.after), "
+                f"and those who cross have arrived after {way:.1f} m"
+            )
+
+
+_FINDERS = _in_vain, _nobody, _too_fast, _out_of_reach, _nowhere, _beyond, _unpaused
 
 
 def _where(swept: dict[str, Scalar]) -> str:

@@ -23,7 +23,7 @@ from rudc.scenario.distributions import Constant
 from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.events import Event, effect_of
 from rudc.scenario.events.registry import ask_effect
-from rudc.scenario.events.stage import Body, XYHeading
+from rudc.scenario.events.stage import Body, Halt, XYHeading
 from rudc.scenario.poses import Pose
 from rudc.scenario.problems import Problem
 from rudc.scenario.triggers import Selector
@@ -110,7 +110,7 @@ class _Site(NetworkStage):
 
     def send(
         self, name: str, body: Body, way: Array, speed: float,
-        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None,
+        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None, halt: Halt | None = None,
     ) -> None: ...  # fmt: skip
 
     def has_room(self, body: Body, way: Array, speed: float, late_m: float = 0.0) -> bool:

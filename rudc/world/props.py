@@ -22,6 +22,7 @@ import numpy as np
 
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import rectangle_gaps
+from rudc.scenario.events.stage import Halt
 from rudc.world.scene import STANDING, Kind, Scene
 
 BRAKING = 6.0
@@ -83,6 +84,8 @@ class Prop:
         self.may_back_out = False
         """whether it gives up when it is held up for long or has gone back to where it appeared; it is gone
         once it has backed to the begin of its way"""
+        self.halt: Halt | None = None
+        """where it stops on its way, and for how many s from now on; not counted as being held up"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         self.look_s = 0.1
@@ -131,7 +134,8 @@ class Prop:
             return
         if self._held_s == 0.0 or self.travelled > self._held_at + ONWARD_M:
             self._long_s, self._held_at = 0.0, self.travelled
-        if self._free:
+        halts = self._halts(dt)
+        if self._free or halts:
             self._held_s = max(self._held_s - dt, 0.0)
         else:
             self._held_s = min(self._held_s + dt, PATIENCE_S + dt)
@@ -142,10 +146,19 @@ class Prop:
         if self._walks and goes_back:
             self.speed = -BACK_SPEED
         else:
-            wanted = -DRIVER_BACK_SPEED if goes_back else self.wanted if self._free else 0.0
+            goes_on = self._free and not halts
+            wanted = -DRIVER_BACK_SPEED if goes_back else self.wanted if goes_on else 0.0
             self.speed = self._towards(wanted, dt)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
+
+    def _halts(self, dt: float) -> bool:
+        """Whether it stands, or stops, in the next dt s because it is time for that."""
+        halt = self.halt
+        if halt is None or self.travelled - self.appeared_m < halt.after_m:
+            return False
+        self.halt = halt._replace(duration_s=halt.duration_s - dt) if halt.duration_s > dt else None
+        return True
 
     def _towards(self, wanted: float, dt: float) -> float:
         """m/s, its speed `dt` s later, if it speeds up or brakes until it drives `wanted` m/s."""

@@ -144,6 +144,8 @@ def test_numbers_of_events_and_conditions_have_their_units():
         update={"speed": distribution({"choice": {"values": [3, 4, 5], "weights": [3, 0, 1]}})}
     )
     assert "speed 3 m/s (75 %) or 5 m/s (25 %)" in describe(rarely)
+    hesitates = event("pedestrian_crossing", arm="north", pause={"after": 4, "duration": 1.5})
+    assert describe(hesitates).endswith(", pause after 4 m duration 1.5 s")
     far = event("lane_closure", lane="north_in_0", at=1000, length=20)
     assert "at 1000 m, length 20 m" in describe(far)
     late = event("hard_brake", when={"traveled_distance": {"above": 999.7}})

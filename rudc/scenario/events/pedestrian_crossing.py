@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from rudc.scenario.choices import Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, Passing
+from rudc.scenario.events.pause import Pause, halt_of
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Metre
@@ -30,6 +31,8 @@ class PedestrianCrossing(Event, frozen=True):
     """how many, one behind the other"""
     from_side: Side = "right"
     """side they start from, as seen going towards the junction"""
+    pause: Pause | None = None
+    """where they stop on their way, all at once, and for how long; by default nowhere"""
 
 
 class PedestrianCrossingEffect(Passing[PedestrianCrossing]):
@@ -41,7 +44,8 @@ class PedestrianCrossingEffect(Passing[PedestrianCrossing]):
         if event.from_side == "left":
             way = way[::-1]
         for i in range(event.count):
-            stage.send(f"{self.name}:{i}", "pedestrian", way, speed, late_m=i * FOLLOWING_S * speed)
+            late_m = i * FOLLOWING_S * speed
+            stage.send(f"{self.name}:{i}", "pedestrian", way, speed, late_m, halt=halt_of(event.pause))
         return True
 
 

@@ -6,7 +6,7 @@ Angles are in rad counter-clockwise from east, positions in m in the network's f
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,14 @@ ROADSIDE_M = 1.5
 Body = VehicleType | Literal["pedestrian", "obstacle"]
 Thing = tuple[Body, XYHeading, tuple[float, float] | None]
 """what stands where; length and width in m of an obstacle, else None"""
+
+
+class Halt(NamedTuple):
+    """Where something that moves stops on its way, and for how long."""
+
+    after_m: float
+    """m that it has moved by then"""
+    duration_s: float
 
 
 class Stage(ABC):
@@ -172,11 +180,13 @@ class Stage(ABC):
         late_m: float = 0.0,
         beyond_m: float = 0.0,
         behind: NDArray[np.float64] | None = None,
+        halt: Halt | None = None,
     ) -> None:
         """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s.
 
         It starts `late_m` m before the way's begin, and is gone `beyond_m` m beyond its end. `behind` (K, 2)
         m leads to the way's begin: a driver who is held up may back along it, and is gone at its first point.
+        With a `halt` it stops on its way, and goes on later.
         """
 
     @abstractmethod

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from rudc.scenario.choices import Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, MovingSpeed, Passing
+from rudc.scenario.events.pause import Pause, halt_of
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import ROADSIDE_M, Stage
 from rudc.scenario.poses import AnyVehicleType
@@ -33,6 +34,8 @@ class VehicleCrossing(Event, frozen=True):
     """how many, one behind the other"""
     from_side: Side = "right"
     """side they start from, as seen going towards the junction"""
+    pause: Pause | None = None
+    """where they stop on their way, all at once, and for how long; by default nowhere"""
 
 
 class VehicleCrossingEffect(Passing[VehicleCrossing]):
@@ -53,7 +56,9 @@ class VehicleCrossingEffect(Passing[VehicleCrossing]):
         beyond_m = 0.5 * length if 0.5 * length > ROADSIDE_M else 0.0
         for i in range(event.count):
             late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)
-            stage.send(f"{self.name}:{i}", event.type, way, speed, late_m, beyond_m)
+            stage.send(
+                f"{self.name}:{i}", event.type, way, speed, late_m, beyond_m, halt=halt_of(event.pause)
+            )
         return True
 
 

@@ -13,7 +13,7 @@ from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length
-from rudc.scenario.events.stage import Body, XYHeading
+from rudc.scenario.events.stage import Body, Halt, XYHeading
 from rudc.world.ego import DRY, GRAVITY, grip_of
 from rudc.world.entering import obstructed
 from rudc.world.events.patches import Patches
@@ -295,14 +295,14 @@ class WorldStage(NetworkStage):
 
     def send(
         self, name: str, body: Body, way: Array, speed: float,
-        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None,
+        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None, halt: Halt | None = None,
     ) -> None:  # fmt: skip
         if behind is not None:
             late_m -= float(arc_length(np.vstack([behind, way[:1]]))[-1])
             way = np.vstack([behind, way])
         prop = self._prop(name, body, way, speed)
         prop.travelled = prop.appeared_m = -late_m
-        prop.beyond_m, prop.may_back_out = beyond_m, behind is not None
+        prop.beyond_m, prop.may_back_out, prop.halt = beyond_m, behind is not None, halt
         self.props.append(prop)
 
     def has_room(self, body: Body, way: Array, speed: float, late_m: float = 0.0) -> bool:

@@ -1,0 +1,22 @@
+"""`pause` of events whose things move across an arm."""
+
+from __future__ import annotations
+
+from rudc.scenario.base import FileModel
+from rudc.scenario.events.event import Duration
+from rudc.scenario.events.stage import Halt
+from rudc.scenario.triggers import Metre
+
+
+class Pause(FileModel, frozen=True):
+    """They stop on their way, all at once, and go on later: who hesitates, or has dropped something."""
+
+    after: Metre
+    """m that they have moved by then, counted from the roadside for the first of them"""
+    duration: Duration
+    """s"""
+
+
+def halt_of(pause: Pause | None) -> Halt | None:
+    """Where those stop and for how long, once both are drawn; None where there is no pause."""
+    return None if pause is None else Halt(float(pause.after), float(pause.duration))
