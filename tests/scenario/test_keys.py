@@ -43,9 +43,9 @@ def test_has_the_keys_of_the_schema(kind):
     models = [SCHEMA["definitions"][option["$ref"].rsplit("/", 1)[1]] for option in options]
     model = next(model for model in models if model["properties"]["kind"]["const"] == kind)
     (section,) = sections(kind)
-    keys = {key.name for key in section.keys if "[]" not in key.name}
+    keys = {key.name for key in section.keys if "[]" not in key.name and "." not in key.name}
     assert keys == set(model["properties"]) - {"kind"}
-    required = {key.name for key in section.keys if key.default == "required" and "[]" not in key.name}
+    required = {key.name for key in section.keys if key.default == "required" and key.name in keys}
     assert required == set(model["required"]) - {"kind"}
 
 
