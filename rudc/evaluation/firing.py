@@ -31,6 +31,8 @@ EARLY = (
 """why an event may not happen"""
 NO_ROOM = "there was no room for it on the road"
 """why an event does not happen whose trigger holds, and which asks for room"""
+UNFOLLOWED = "the event that it waits for did not happen"
+"""why an event does not happen that follows another"""
 
 
 @dataclass(slots=True)
@@ -50,6 +52,8 @@ class Firing:
     everywhere"""
     no_room: int = 0
     """episodes at whose end it waited for room on the road"""
+    unfollowed: int = 0
+    """episodes in which the event that it waits for did not happen"""
     begun_s: dict[int, float] = field(default_factory=dict)
     """seed -> s, when it took effect, of each episode in which it did"""
     nearest_m: dict[int, float] = field(default_factory=dict)
@@ -65,9 +69,12 @@ class Firing:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego meets it in {self.seen}"
         others = self.drawn - self.fired
-        why = NO_ROOM if self.no_room == others else EARLY
-        if 0 < self.no_room < others:
-            why = f"{EARLY}, or, in {self.no_room} of them, {NO_ROOM}"
+        known = {NO_ROOM: self.no_room, UNFOLLOWED: self.unfollowed}
+        whys = [EARLY] if sum(known.values()) < others else []
+        for why, count in known.items():
+            if count:
+                whys.append(why if count == others else f"in {count} of them, {why}")
+        why = ", or, ".join(whys)
         early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}{self._near}"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
@@ -197,6 +204,7 @@ def _count(found: list[Firing], world: World, seed: int) -> None:
     """Add an episode that has been driven."""
     for firing in found:
         firing.episodes += 1
+    unfollowed = _unfollowed(world)
     for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
         firing = found[number - 1]
         firing.drawn += 1
@@ -204,3 +212,19 @@ def _count(found: list[Firing], world: World, seed: int) -> None:
             firing.begun_s[seed] = happening.begun_s
         firing.seen += happening.visible_s is not None
         firing.no_room += happening.no_room
+        firing.unfollowed += number in unfollowed
+
+
+def _unfollowed(world: World) -> set[int]:
+    """Numbers of the events, from 1, that wait for one that has not happened."""
+    plan = world.plan
+    begun = {
+        number for number, happening in zip(plan.event_numbers, world.happenings(), strict=True)
+        if happening.begun_s is not None
+    }  # fmt: skip
+    waits = {
+        number: int(event.when.event_state.event) + 1
+        for number, event in zip(plan.event_numbers, plan.events, strict=True)
+        if event.when is not None and event.when.event_state is not None
+    }
+    return {number for number, awaited in waits.items() if awaited not in begun}

@@ -13,7 +13,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
@@ -251,15 +251,25 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
     yield from _on_one_side(old, new)
     old, new = _shared(old, new), _shared(new, old)
     flat_old, flat_new = dict(_flat(old)), dict(_flat(new))
-    for key in dict.fromkeys([*flat_old, *flat_new]):
-        was, now = flat_old.get(key, "absent"), flat_new.get(key, "absent")
-        if was != now and not key.endswith(".digest"):
-            yield f"{key}: {was} there, {now} here"
-    if flat_old.keys() == flat_new.keys() and all(
-        flat_old[key] == flat_new[key] for key in flat_new if not key.endswith(".digest")
-    ):
-        changed = [key for key in flat_new if flat_old[key] != flat_new[key]]
-        yield from (f"{key}: a file that the scenario names has changed" for key in changed)
+    differ = [
+        key
+        for key in dict.fromkeys([*flat_old, *flat_new])
+        if flat_old.get(key) != flat_new.get(key) and not key.endswith(".digest")
+    ]
+    moved = {key for key in differ if key.endswith(".network") and _only_moved(key, flat_old, flat_new)}
+    told = [key for key in differ if key not in moved]
+    for key in told or differ:
+        yield f"{key}: {flat_old.get(key, 'absent')} there, {flat_new.get(key, 'absent')} here"
+    for key in flat_new if not differ else ():
+        if flat_old[key] != flat_new[key]:
+            values = key.removesuffix("digest") + "values."
+            network = flat_new.get(values + "sweep.network") or flat_new[values + "network"]
+            yield f"{key}: what is in {network} has changed"
+
+
+def _only_moved(key: str, old: Mapping[str, str], new: Mapping[str, str]) -> bool:
+    """Whether both name a file of the same name in another folder."""
+    return key in old and key in new and PurePath(old[key]).name == PurePath(new[key]).name
 
 
 def _on_one_side(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

@@ -225,11 +225,14 @@ def _misplaced_on(
     far = 0.0 if at is None else likely(at)[1]
     # A thing on a lane of an arm may reach beyond the arm's outer end, but not with its middle or in a bend.
     end = 0.0 if length is None else likely(length)[1]
-    if not stretches[0].inside and stretches[0].pieces(far, far + end) == 1:
-        end *= 0.5
-    if far + end <= reach:
+    half = not stretches[0].inside and stretches[0].pieces(far, far + end) == 1
+    last = far + (0.5 * end if half else end)
+    if last <= reach:
         return []
-    text = f"{far + end:g} m lies beyond {name!r} of network {network.name}, which has {reach:.1f} m"
+    what = f"{far if far > reach else last:g} m"
+    if half and end and far <= reach:
+        what = f"the middle of {far:g} to {far + end:g} m, {last:g} m,"
+    text = f"{what} lies beyond {name!r} of network {network.name}, which has {reach:.1f} m"
     return [Problem((*path, "at" if far > reach else "length"), text)]
 
 

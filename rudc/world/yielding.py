@@ -15,7 +15,7 @@ layer looks only at pairs of an SV and
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
 nobody's way, unless it stands beside its path there. SVs behind it before the stop line or beyond the
-junction are left to SUMO, unless its front is BESIDE_M beside its path: SUMO takes a vehicle to be on the
+junction are left to SUMO, unless its front reaches out of its lane: SUMO takes a vehicle to be on the
 lane of its front bumper alone. Inside the junction they are not left to SUMO either, since there SUMO does
 not see the rear of a vehicle that drives another way.
 
@@ -57,8 +57,9 @@ BRAKE_MOST = 9.0
 PAST_M = 3.0
 """m beyond the junction from which on the ego's rear counts as that of any other vehicle in its lane, unless
 its front is beside its path"""
-BESIDE_M = 1.0
-"""m: less than half a narrow lane"""
+BESIDE_M = 0.3, 1.0
+"""m beside its path, less than which the front never counts as out of its lane, and more than which it always
+does"""
 
 TIMES: Array = STEP_S * np.arange(INSTANTS, dtype=np.float64)
 """(INSTANTS,) s, the instants that are predicted"""
@@ -139,7 +140,7 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
     ego, half, route, paths = scene.ego, 0.5 * scene.vehicle.length, scene.route, scene.network.paths
     heeds = np.ones(paths.count, dtype=np.bool_)
     if not stray:
-        front, stands, beside = scene.front_s, ego.v < LINGERS, _front_offset(scene) > BESIDE_M
+        front, stands, beside = scene.front_s, ego.v < LINGERS, _front_offset(scene) > _room_beside(scene)
         if scene.ego_s - half > route.exit_s + PAST_M and not beside:
             return None
         if front <= route.waiting_s + 1.0:  # it waits: only SVs that it blocks or that owe it the way heed it
@@ -176,6 +177,15 @@ def off_path(scene: Scene) -> bool:
 def _front_offset(scene: Scene) -> float:
     """m, distance of the middle of the ego's front bumper from the line of its path's direction."""
     return abs(scene.ego_offset + 0.5 * scene.vehicle.length * math.sin(_turned(scene)))
+
+
+def _room_beside(scene: Scene) -> float:
+    """m that the ego's front may be beside its path before it reaches out of its lane: that before its stop
+    line, or that by which it leaves."""
+    network, row, (least, most) = scene.network, scene.route.row, BESIDE_M
+    inside = scene.front_s <= scene.route.stop_line_s
+    lane = network.inbound_lane(row) if inside else network.outbound_lane(row)
+    return min(max(0.5 * (lane.width - scene.vehicle.width), least), most)
 
 
 def _turned(scene: Scene) -> float:

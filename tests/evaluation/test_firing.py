@@ -131,6 +131,19 @@ def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
     assert some.endswith("nobody for it to act on, or, in 2 of them, there was no room for it on the road")
 
 
+def test_who_follows_an_event_that_did_not_happen_is_not_told_that_its_own_trigger_failed():
+    first = {"kind": "density_surge", "density": 30, "when": {"probability": 0.5}}
+    second = {"kind": "low_friction", "friction": 0.5, "when": {"event_state": {"event": 0}}}
+    never = {"kind": "low_friction", "friction": 0.4, "when": {"event_state": {"event": 1, "state": "over"}}}
+    settings = {"events": [first, second, never], "traffic.density": 0, "episode.timeout": 1}
+    surge, slippery, after = drive_and_count(load_scenario("random_destination", settings), range(6)).firings
+    assert 0 < surge.fired < 6
+    assert (slippery.fired, slippery.unfollowed) == (surge.fired, 6 - surge.fired)
+    assert str(slippery).endswith("; in the others the event that it waits for did not happen")
+    assert (after.fired, after.unfollowed) == (0, 6 - surge.fired)
+    assert str(after).endswith(f"in {after.unfollowed} of them, the event that it waits for did not happen")
+
+
 OVERLAP = """
 name: overlap
 ego: {route: {from: south, turn: left}}

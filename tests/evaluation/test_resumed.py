@@ -44,8 +44,16 @@ def test_a_network_may_lie_elsewhere_now_but_is_the_same():
         SweepError, match=r'network: "/before/own\.net\.xml" there, "/now/own\.net\.xml" here'
     ):
         resumed(there, _on_network("/now/own.net.xml", "34cd"), Path("out"))
-    with pytest.raises(SweepError, match="a file that the scenario names has changed"):
+    with pytest.raises(SweepError, match=r'digest: what is in "/before/own\.net\.xml" has changed'):
         resumed(there, _on_network("/before/own.net.xml", "34cd"), Path("out"))
+
+
+def test_where_something_else_differs_it_is_not_told_where_a_network_lies_now():
+    there, here = _on_network("/before/own.net.xml", "12ab"), _on_network("/now/own.net.xml", "34cd")
+    here["configuration"]["scenarios"]["a"]["values"]["traffic"] = {"density": 30}
+    with pytest.raises(SweepError, match=r"traffic\.density: absent there, 30 here") as caught:
+        resumed(there, here, Path("out"))
+    assert "own.net.xml" not in str(caught.value)
 
 
 def test_each_change_of_versions_is_told_once():

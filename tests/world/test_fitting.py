@@ -92,6 +92,16 @@ def test_each_lane_and_arm_that_may_be_drawn_must_fit(problems):
     )
 
 
+def test_what_may_reach_beyond_its_lane_but_not_with_its_middle_is_told_where_that_is(problems):
+    text = "name: a\nevents: [{{kind: slippery_patch, lane: east_in_0, at: {}, length: 40, friction: 0.3}}]\n"
+    assert problems(text.format(95)) == []
+    check(
+        problems(text.format(105)),
+        "2:67: events.0.length: the middle of 105 to 145 m, 125 m, lies beyond 'east_in_0' of network...",
+    )
+    check(problems(text.format(130)), "...events.0.at: 130 m lies beyond 'east_in_0'...")
+
+
 def test_ways_across_an_arm_fit_that_arm_also_if_its_lanes_ids_are_names_of_others(problems, tmp_path):
     path = by_heading(tmp_path)
     text = f"name: a\nnetwork: {path.name}\nevents: [{{{{kind: pedestrian_crossing, arm: {{}}, at: 90}}}}]\n"
