@@ -50,6 +50,10 @@ LONGER = 5.0
 """m: where a course's conflict with a vehicle begins this much before, or ends this much after, the route's
 conflict with it, the ego gives way as on new ground"""
 
+PULLS_OUT = 8.0
+"""m, for each m by which another is wider than the ego, that a course is on its ground earlier: lorries and
+buses need all of their lane, and swing out in bends"""
+
 
 class Conflicts(NamedTuple):
     """Conflicts with K surrounding vehicles that neither the ego nor the other has left yet."""
@@ -110,6 +114,7 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
     known, table = driven[own], table[own]
     if not len(known):
         return None
+    table[:, 0] -= PULLS_OUT * np.maximum(scene.size[known, 1] - scene.vehicle.width, 0.0)
     _, _, theirs = paths.pose(scene.path[known], 0.5 * (table[:, 2] + table[:, 3]))
     _, _, ours = scene.route.path.pose(0.5 * (table[:, 0] + table[:, 1]))
     same_way = np.cos(theirs - ours) > 0.0

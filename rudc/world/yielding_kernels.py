@@ -37,7 +37,8 @@ LAYER_S = 0.5
 GROW_LENGTH, GROW_WIDTH = 1.0, 0.4
 """m, added to an SV's length and width"""
 SQUEEZED = 0.1
-"""m, added instead to the width of an SV that stands or creeps, where the ego stands"""
+"""m, added instead to the width of an SV that stands or creeps, where the ego stands; it is longer then at its
+front only, since its tail follows"""
 BRAKE_FROM = 1.5
 """m/s2, needed deceleration above which an SV brakes, even if the overlap is not near"""
 SHARE = 0.5
@@ -254,13 +255,18 @@ def yielding(
             continue
         need = -1.0
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
-        beside = half[1] if moves or speed[i] > CREEP else 0.5 * (size[i, 1] + SQUEEZED)
+        beside, shorter = half[1], 0.0
+        if not moves and speed[i] <= CREEP:
+            beside, shorter = 0.5 * (size[i, 1] + SQUEEZED), 0.25 * GROW_LENGTH
         x, y = position[i, 0], position[i, 1]
         step = max(speed[i], CREEP) * STEP_S
         place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, size[i, 0], step, 0.0)
         if heeding[i]:
             hits = np.zeros(INSTANTS, np.bool_)
-            mark_overlaps(hits, place, facing, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
+            mark_overlaps(
+                hits, place + shorter * facing, facing, half[0] - shorter, beside,
+                ego, ego_facing, 0.5 * length, 0.5 * width,
+            )  # fmt: skip
             need = braking(hits, speed[i], hits[0] and moves and speed[i] < STANDING, most)
             if moves and speed[i] <= CREEPS and not hits[0]:
                 step = speed[i] * STEP_S
