@@ -9,7 +9,7 @@ import pytest
 
 from rudc.agents.courses import Courses, along
 from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, crossing, entering, suffices
+from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, PULLS_OUT, crossing, entering, suffices
 from rudc.env.tracking import RESPONSE_S, speeds_in_bends
 from rudc.geometry import Rectangles
 from rudc.network.course import CoursePlanner
@@ -175,3 +175,23 @@ def test_only_what_the_route_itself_does_not_touch_is_the_courses_own(make_scene
     assert len(found.ego_in) == 1
     assert found.merges.all()
     assert found.yields.all()
+
+
+def test_the_ego_waits_for_wider_ones_farther_from_their_ground(make_scene, four_way, rows):
+    """They need all of their lane, and an ego that pulls out stood with a corner in it."""
+    body, route = truck(four_way), four_way.route("south", "straight")
+    standing = Rectangles(np.array([body["at"][:2]]), np.array([body["at"][2]]), np.array([body["size"]]))
+    nobody = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
+    before = {}
+    for width in (1.8, 2.5):
+        other = {"row": rows[1], "s": 100.0, "size": (5.0, width)}
+        scene = make_scene(other, front=-10.0)
+        planner = CoursePlanner(four_way, route, scene.vehicle)
+        course = planner.plan(scene.ego_s, 0.0, 0.0, standing, nobody, nobody)
+        assert course is not None
+        found = entering(along(scene, course), route)
+        assert found is not None
+        before[width] = float(found.ego_in[0])
+    own = make_scene().vehicle.width
+    assert before[1.8] - before[2.5] == pytest.approx(PULLS_OUT * (2.5 - own))
+    assert own >= 1.8
