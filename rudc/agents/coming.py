@@ -23,6 +23,8 @@ length of the pieces that such a lane is made of"""
 MEETING_S, PACE = 4.0, 4.0
 """s, time that passes at a place between the ego and somebody who comes the wrong way; m/s, least speed that
 the ego is assumed to have"""
+BACKS_S = 2.0
+"""s: an ego that has stood for so long does not wait until who backs away is gone"""
 FAR_BESIDE = 8.0
 """m from the ego's line beyond which nobody is on its road"""
 
@@ -51,8 +53,11 @@ def strays(scene: Scene, who: Flags) -> Index:
 
 
 def not_passed(scene: Scene, names: frozenset[str]) -> bool:
-    """Whether any of these faces the ego's line, ahead on its road: comes, stands or backs."""
-    return any(name in names and _against(scene, i) for i, name in enumerate(scene.ids))
+    """Whether any of these faces the ego's line, ahead on its road: comes, stands or, while the ego has not
+    stood for BACKS_S, backs."""
+    waits = scene.waited_s >= BACKS_S
+    faces = [i for i, name in enumerate(scene.ids) if name in names and _against(scene, i)]
+    return any(not (waits and _backs(scene, i)) for i in faces)
 
 
 def lanes_of(scene: Scene, who: Index, speed: Array) -> Lanes:

@@ -37,8 +37,8 @@ LAYER_S = 0.5
 GROW_LENGTH, GROW_WIDTH = 1.0, 0.4
 """m, added to an SV's length and width"""
 SQUEEZED = 0.1
-"""m, added instead to the width of an SV that stands or creeps, where the ego stands; it is longer then at its
-front only, since its tail follows"""
+"""m, added instead to the width of an SV that stands or creeps, where the ego stands; then only its front
+reaches farther, since its tail follows"""
 BRAKE_FROM = 1.5
 """m/s2, needed deceleration above which an SV brakes, even if the overlap is not near"""
 SHARE = 0.5

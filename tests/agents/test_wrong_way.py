@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.agents.blocking import Blocking
-from rudc.agents.coming import LANE_S, MEETING_S, PACE
+from rudc.agents.coming import BACKS_S, LANE_S, MEETING_S, PACE, not_passed
 from rudc.agents.courses import ASIDE, CLEAR, Courses, _wait
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
@@ -49,6 +49,19 @@ def test_before_the_junction_the_lane_beside_is_taken(make_scene, four_way):
     nobody = replace(scene, velocity=np.zeros((1, 2)), position=scene.position + np.array([0.0, 300.0]))
     courses.reset(nobody)
     assert courses.see(nobody) is nobody
+
+
+def test_an_ego_that_stands_does_not_wait_until_who_backs_away_is_gone(make_scene, four_way):
+    """One that drives does, and so does one before somebody who stands: they may come once more."""
+    for v, waited, waits in (
+        (-2.5, 0.0, True),
+        (-2.5, BACKS_S, False),
+        (0.0, BACKS_S, True),
+        (3.0, BACKS_S, True),
+    ):
+        scene = replace(against(make_scene, four_way, 30.0, v=v), waited_s=waited)
+        assert not_passed(scene, frozenset(scene.ids)) == waits, (v, waited)
+        assert not not_passed(scene, frozenset({"somebody else"}))
 
 
 def test_who_backs_away_does_not_come(make_scene, four_way):
