@@ -135,7 +135,8 @@ def _passed(scenario: Scenario, when: Trigger) -> Iterator[str]:
 def _roads(scenario: Scenario) -> tuple[Network, list[Movement]]:
     """The network, and every movement that the ego may be given."""
     network = load_network(scenario.network, scenario.junction)
-    return network, movements_of(network, scenario.ego.plan(np.random.default_rng(0)))
+    plans = [ego.plan(np.random.default_rng(0)) for ego in scenario.ego.each()]
+    return network, [*dict.fromkeys(m for plan in plans for m in movements_of(network, plan))]
 
 
 def _nobody(scenario: Scenario) -> Iterator[str]:

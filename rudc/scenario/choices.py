@@ -111,6 +111,11 @@ def possible(word: Any) -> tuple[Any, ...]:
     return word.choice.possible if isinstance(word, WordChoice) else (word,)
 
 
+def drawn_word(word: Any, rng: np.random.Generator) -> Any:
+    """A word, drawn where a file leaves it to chance; a fixed one itself."""
+    return word.drawn(rng) if isinstance(word, Drawable) else word
+
+
 SideOfRoad = Literal["left", "right"]
 
 
@@ -142,6 +147,24 @@ class PlaceChoice(WordChoice, frozen=True):
     """the names; or {values: [...], weights: [...]}"""
 
 
+WayOn = Literal["left", "straight", "right", "random"]
+
+
+class WaysOn(ChoiceParameters, frozen=True):
+    """Turns at the junction."""
+
+    values: tuple[WayOn, ...]
+    """one of these"""
+
+
+class WayOnChoice(WordChoice, frozen=True):
+    """One of several turns."""
+
+    choice: WaysOn
+    """the turns; or {values: [...], weights: [...]}"""
+
+
+AnyWayOn = Annotated[WayOn, OrChoice(WayOnChoice)]
 Side = Annotated[SideOfRoad, OrChoice(SideChoice)]
 Place = Annotated[Identifier, OrChoice(PlaceChoice)]
 """The name of a lane or arm."""

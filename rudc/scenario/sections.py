@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import (
@@ -18,6 +19,7 @@ from pydantic_core import CoreSchema
 
 from rudc.errors import InputError
 from rudc.scenario.base import FileModel, Identifier, Truth, refuse
+from rudc.scenario.choices import AnyWayOn, Place, drawn_word, possible
 from rudc.scenario.distributions import (
     AnyDistribution,
     Bounds,
@@ -37,12 +39,12 @@ Share = Annotated[AnyDistribution, Bounds(0, 1e6)]
 class EgoRoute(FileModel, frozen=True):
     """Where the ego comes from and goes: `random`, {from: ARM, turn: TURN} or {from: EDGE, to: EDGE}."""
 
-    origin: Identifier = Field(default="random", alias="from")
+    origin: Place = Field(default="random", alias="from")
     """arm (compass name) or edge it comes from, or random"""
-    turn: Literal["left", "straight", "right", "random"] = "random"
+    turn: AnyWayOn = "random"
     """where it turns, drawn where several arms lie that way; to the left it starts on the leftmost lane that
     leads there, else on the rightmost"""
-    to: Identifier | None = None
+    to: Place | None = None
     """arm or edge it leaves by, instead of `turn`"""
 
     @model_validator(mode="before")
@@ -64,9 +66,17 @@ class EgoRoute(FileModel, frozen=True):
         origin = given.get("from", given.get("origin"))
         if "to" in given and origin is None:
             yield "needs `from`, the arm or edge it comes from", "to"
-        if "to" in given and origin == "random":
+        if "to" in given and "random" in _words(origin):
             several = "`sweep: {ego.route.from: [ARM, ARM]}` drives from each of several"
             yield f"does not go with `from: random`: name the arm or edge it comes from; {several}", "to"
+
+    def each(self) -> list[EgoRoute]:
+        """Every route that may be drawn, with nothing left to `choice`."""
+        words = possible(self.origin), possible(self.turn), possible(self.to)
+        return [
+            self.model_copy(update={"origin": origin, "turn": turn, "to": to})
+            for origin, turn, to in itertools.product(*words)
+        ]
 
     @model_serializer(mode="wrap")
     def _without_idle_turn(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -78,6 +88,13 @@ class EgoRoute(FileModel, frozen=True):
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         return {"anyOf": [{"const": "random"}, handler.resolve_ref_schema(handler(schema))]}
+
+
+def _words(given: Any) -> list[Any]:
+    """The words that may be drawn of what a file gives: one, or a `choice` of several."""
+    choice = given.get("choice") if isinstance(given, Mapping) else [given]
+    values = choice.get("values") if isinstance(choice, Mapping) else choice
+    return list(values) if isinstance(values, list | tuple) else []
 
 
 class Ego(FileModel, frozen=True):
@@ -94,13 +111,18 @@ class Ego(FileModel, frozen=True):
     may_cross_centre: Truth = False
     """whether it may pass what blocks its way on the lanes of oncoming traffic: no `wrong_way` then"""
 
+    def each(self) -> list[Ego]:
+        """The ego with every route that may be drawn."""
+        return [self.model_copy(update={"route": route}) for route in self.route.each()]
+
     def plan(self, rng: np.random.Generator) -> EgoPlan:
         """The ego of one episode."""
         route = self.route
+        origin, turn, to = (drawn_word(word, rng) for word in (route.origin, route.turn, route.to))
         return EgoPlan(
-            origin=None if route.origin == "random" else route.origin,
-            turn=None if route.turn == "random" else route.turn,
-            destination=route.to,
+            origin=None if origin == "random" else origin,
+            turn=None if turn == "random" else turn,
+            destination=to,
             speed_mps=self.speed.sample(rng),
             distance_m=self.distance.sample(rng),
             destination_m=self.destination.sample(rng),

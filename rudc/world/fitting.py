@@ -59,20 +59,23 @@ def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[
     """Every movement that the ego may be given, and the problems with the file's `ego` section."""
     if ego is None:
         return [], []
-    problems = []
-    for key, name in (("from", ego.route.origin), ("to", ego.route.to)):
+    problems = dict[Problem, None]()
+    for key, word in (("from", ego.route.origin), ("to", ego.route.to)):
+        for name in possible(word):
+            try:
+                if name is not None and (key, name) != ("from", "random"):
+                    network.arm(name)
+            except NetworkError as error:
+                problems[Problem(("ego", "route", key), str(error))] = None
+    movements = dict[Movement, None]()
+    for fixed in () if problems else ego.each():
         try:
-            if name is not None and (key, name) != ("from", "random"):
-                network.arm(name)
+            movements |= dict.fromkeys(movements_of(network, fixed.plan(np.random.default_rng(0))))
         except NetworkError as error:
-            problems.append(Problem(("ego", "route", key), str(error)))
+            problems[Problem(("ego", "route"), str(error))] = None
     if problems:
-        return [], problems
-    try:
-        movements = movements_of(network, ego.plan(np.random.default_rng(0)))
-    except NetworkError as error:
-        return [], [Problem(("ego", "route"), str(error))]
-    return movements, _too_far(network, movements, ego)
+        return [], [*problems]
+    return [*movements], _too_far(network, [*movements], ego)
 
 
 def _no_way(network: Network, traffic: Traffic | None) -> list[Problem]:
