@@ -46,7 +46,8 @@ AGENTS = (
 SETTINGS = (
     "traffic.density", "ego.speed", "ego.distance", "ego.route", "ego.route.turn", "episode.timeout",
     "network", "events", "events.0",
-    "traffic", "name", "sweep", "junction", "traffic.mix", "traffic.mix.car", "learner.batch",
+    "traffic", "name", "sweep", "junction", "traffic.mix", "traffic.mix.car", "traffic.from",
+    "traffic.from.north", "traffic.turns.left", "ego.route.from", "learner.batch",
     "learner.members", "learner.kind",
     "training.seed", "correction.d_safe", "correction.kind", "vehicles", "observation.vehicles",
     "action.kind", "steps", "envs", "",

@@ -13,6 +13,8 @@ from tests.fuzz.fuzzer import Case, Fuzzer
 from tests.fuzz.mutations import another_number, changed_tree, scratched_bytes, scratched_text
 
 FILE = "mutant.yaml"
+RARE = Path(__file__).with_name("rare.yaml")
+"""a file with the keys that no shipped scenario has"""
 COMMANDS = (
     ("scenario", "validate", FILE),
     ("run", FILE, "--agent", "gap-acceptance+ttcbf", "--set", "episode.timeout=0.3", "--quiet"),
@@ -20,9 +22,9 @@ COMMANDS = (
 
 
 def prepare(_folder: Path) -> Callable[[random.Random, Path], Case]:
-    """Of the shipped scenarios, as they stand and with all that they extend."""
-    texts = [path.read_text(encoding="utf-8") for path in shipped_scenarios().values()]
-    trees = [load_scenario(name).data() for name in shipped_scenarios()]
+    """Of the shipped scenarios and a RARE one, as they stand and with all that they extend."""
+    texts = [path.read_text(encoding="utf-8") for path in (*shipped_scenarios().values(), RARE)]
+    trees = [load_scenario(source).data() for source in (*shipped_scenarios(), RARE)]
 
     def make(rng: random.Random, folder: Path) -> Case:
         kind = rng.choice(("text", "number", "tree", "graft", "cross", "bytes", "bomb"))
