@@ -8,6 +8,10 @@ OUT ?= out/sweep
 SHARE ?= 1
 FIRST ?= 0
 
+ifeq ($(MAKELEVEL),0)
+.NOTPARALLEL:  # two goals at once (make -j docs gallery) would let two pips write into .venv
+endif
+
 .PHONY: help setup sweep test lint types contracts check format docs gallery bench fuzz soak clean
 
 help:

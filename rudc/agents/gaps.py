@@ -114,18 +114,26 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
     known, table = driven[own], table[own]
     if not len(known):
         return None
-    table[:, 0] -= PULLS_OUT * np.maximum(scene.size[known, 1] - scene.vehicle.width, 0.0)
     _, _, theirs = paths.pose(scene.path[known], 0.5 * (table[:, 2] + table[:, 3]))
     _, _, ours = scene.route.path.pose(0.5 * (table[:, 0] + table[:, 1]))
     same_way = np.cos(theirs - ours) > 0.0
     always = np.ones(len(known), dtype=np.bool_)
-    return _open(scene, known, table, same_way, always, ~always)
+    earlier = PULLS_OUT * np.maximum(scene.size[known, 1] - scene.vehicle.width, 0.0)
+    return _open(scene, known, table, same_way, always, ~always, earlier)
 
 
 def _open(
-    scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags, silent: Flags
+    scene: Scene,
+    known: Index,
+    table: Array,
+    merges: Flags,
+    yields: Flags,
+    silent: Flags,
+    earlier: Array | float = 0.0,
 ) -> Conflicts | None:
-    """Those of the conflicts `table` (K, 4), with the others `known` (K,), that neither side has left."""
+    """Those of the conflicts `table` (K, 4), with the others `known` (K,), that neither side has left. The
+    ego comes to each `earlier` m (K,) before the table says.
+    """
     paths, rows = scene.network.paths, scene.path[known]
     half, theirs = 0.5 * scene.vehicle.length, 0.5 * scene.size[known, 0]
     ego_end = np.where(merges, np.minimum(table[:, 1], table[:, 0] + MERGED), table[:, 1])
@@ -136,7 +144,7 @@ def _open(
         return None
     speed = np.hypot(scene.velocity[known, 0], scene.velocity[known, 1])
     return Conflicts(
-        ego_in=(table[:, 0] - scene.ego_s - half)[keep],
+        ego_in=(table[:, 0] - earlier - scene.ego_s - half)[keep],
         ego_out=(ego_end - scene.ego_s + half)[keep],
         other_in=(table[:, 2] - s - theirs)[keep],
         other_out=(other_end - s + theirs)[keep],

@@ -15,6 +15,7 @@ from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
 from rudc.geometry import rectangle_gaps
 from rudc.network.network import load_network
+from rudc.scenario.triggers import awaited
 from rudc.world.events import numbered
 from rudc.world.scene import Scene
 from rudc.world.world import World
@@ -222,9 +223,5 @@ def _unfollowed(world: World) -> set[int]:
         number for number, happening in zip(plan.event_numbers, world.happenings(), strict=True)
         if happening.begun_s is not None
     }  # fmt: skip
-    waits = {
-        number: int(event.when.event_state.event) + 1
-        for number, event in zip(plan.event_numbers, plan.events, strict=True)
-        if event.when is not None and event.when.event_state is not None
-    }
-    return {number for number, awaited in waits.items() if awaited not in begun}
+    waits = zip(plan.event_numbers, (awaited(event.when) for event in plan.events), strict=True)
+    return {number for number, first in waits if first is not None and first + 1 not in begun}

@@ -241,6 +241,8 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
 
 _OF_CODE = re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\.")
 """how a line of `_differences` begins if it is about code that is not RUDC's"""
+_OF_CONTENT = re.compile(r"scenarios\..*\.digest$")
+"""the keys of `_differences` of a scenario's digest, which depends on the content of its networks, too"""
 _NAMED = ("scenarios", "agents", "plugins")
 """the parts of a sweep's configuration that are mappings by name"""
 
@@ -251,25 +253,22 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
     yield from _on_one_side(old, new)
     old, new = _shared(old, new), _shared(new, old)
     flat_old, flat_new = dict(_flat(old)), dict(_flat(new))
-    differ = [
-        key
-        for key in dict.fromkeys([*flat_old, *flat_new])
-        if flat_old.get(key) != flat_new.get(key) and not key.endswith(".digest")
-    ]
-    moved = {key for key in differ if key.endswith(".network") and _only_moved(key, flat_old, flat_new)}
-    told = [key for key in differ if key not in moved]
+    keys = [key for key in {**flat_old, **flat_new} if flat_old.get(key) != flat_new.get(key)]
+    differ = [key for key in keys if not _OF_CONTENT.match(key)]
+    told = [key for key in differ if not _only_moved(key, flat_old, flat_new)]
     for key in told or differ:
         yield f"{key}: {flat_old.get(key, 'absent')} there, {flat_new.get(key, 'absent')} here"
-    for key in flat_new if not differ else ():
-        if flat_old[key] != flat_new[key]:
-            values = key.removesuffix("digest") + "values."
-            network = flat_new.get(values + "sweep.network") or flat_new[values + "network"]
-            yield f"{key}: what is in {network} has changed"
+    for key in () if differ else keys:
+        values = key.removesuffix("digest") + "values."
+        network = flat_new.get(values + "sweep.network") or flat_new[values + "network"]
+        yield f"{key}: what is in {network} has changed"
 
 
 def _only_moved(key: str, old: Mapping[str, str], new: Mapping[str, str]) -> bool:
-    """Whether both name a file of the same name in another folder."""
-    return key in old and key in new and PurePath(old[key]).name == PurePath(new[key]).name
+    """Whether a key names a scenario's network on both sides, by files of the same name in two folders."""
+    if not key.endswith(".values.network") or key not in old or key not in new:
+        return False
+    return PurePath(json.loads(old[key])).name == PurePath(json.loads(new[key])).name
 
 
 def _on_one_side(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

@@ -19,7 +19,7 @@ from rudc.scenario.choices import possible
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
 from rudc.scenario.events.pedestrian_crossing import PedestrianCrossing
-from rudc.scenario.events.vehicle_crossing import VehicleCrossing
+from rudc.scenario.events.vehicle_crossing import VehicleCrossing, beyond_way
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
@@ -28,7 +28,7 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.casting import selected
 from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
-from rudc.world.events.places import across_arm
+from rudc.world.events.places import across_arm, size_of
 from rudc.world.events.selection import arrivals
 from rudc.world.fitting import likely, misfits
 from rudc.world.obstacles import standing_parts
@@ -267,6 +267,9 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
         arms = {arm for name in possible(event.arm) for arm in of_ego.get(name, {name})}
         route = network.route(movements[0].origin, movements[0].destination)
         way = max(float(np.hypot(*np.diff(across_arm(network, route, arm, at), axis=0)[0])) for arm in arms)
+        if isinstance(event, VehicleCrossing):
+            length = max(size_of(kind)[0] for kind in possible(event.type))
+            way += 0.5 * length + beyond_way(length)
         if after >= way:
             yield (
                 f"event {numbered(number, event.kind)}: its pause begins after {after:g} m (pause.after), "

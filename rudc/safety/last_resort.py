@@ -172,8 +172,8 @@ class LastResort:
     def would_block(self, scene: Scene, braking: Array, going: Array) -> Index:
         """Indices of those who move and within COMING_S would come upon an ego that stops after the action
         `braking` (2,), m/s2 and rad, but would not meet one that takes the action `going` (2,) and goes on,
-        or goes on and then stops, not even if they came SPARE_S earlier. Empty if it would meet any of them,
-        or anybody else within HORIZON, or if `going` would not be taken.
+        or goes on and then stops, not even if they came SPARE_S earlier at their present speed. Empty if it
+        would meet any of them, or anybody else within HORIZON, or if `going` would not be taken.
         """
         self._times = self._until(COMING_S)
         first, v, _ = self._first(scene, float(going[0]))
@@ -206,7 +206,7 @@ class LastResort:
 
     def _ended(self, scene: Scene, way: Array, end_s: float) -> Array:
         """(T,) m driven as `way` (T,) until `end_s`, and then braking fully."""
-        k, brakes = round(end_s / self._dt), -scene.vehicle.a_min
+        k, brakes = max(round(end_s / self._dt), 1), -scene.vehicle.a_min
         v = (way[k] - way[k - 1]) / self._dt
         since = np.clip(self._times - self._times[k], 0.0, v / brakes)
         return np.where(self._times <= self._times[k], way, way[k] + v * since - 0.5 * brakes * since**2)

@@ -147,14 +147,14 @@ def _refuse_nothing(shares: Mapping[str, Distribution], example: str) -> None:
     """Refuse shares that are all 0, or that can all be drawn as 0."""
     if all(share.support[1] == 0 for share in shares.values()):
         refuse(f"one share at least must be above 0, as in {example}")
-    if all(map(_may_be_zero, shares.values())):
+    if all(map(may_be_zero, shares.values())):
         refuse(
             "all shares can be drawn as 0 in the same episode; one at least must always be above 0 "
             "(episodes without traffic: `density: {choice: [0, 20]}`)"
         )
 
 
-def _may_be_zero(share: Distribution) -> bool:
+def may_be_zero(share: Distribution) -> bool:
     """Whether a share can be drawn as 0: 0 itself, or a choice with 0 in it. A number from a range is taken
     to be above 0.
     """
@@ -234,8 +234,9 @@ class Traffic(FileModel, frozen=True):
     origins: Annotated[dict[Identifier, Share], AfterValidator(_of_arms)] | None = Field(
         default=None, alias="from"
     )
-    """ARM -> relative share of those who come by it, such as {north: 3, east: 1}; nobody comes by an arm that
-    is not named; by default in proportion to the arms' lanes; `density` is that of all roads together"""
+    """ARM -> relative share of those who come by it, such as {north: 3, east: 1}; by an arm that is not named
+    come only those whom an event needs; by default in proportion to the arms' lanes; `density` is that of all
+    roads together, and few arms may not let in so many"""
     turns: Turns | None = None
     """relative share of each turn among those who come by an arm, such as {left: 1, straight: 4}; of those
     not named, none; by default all ways on are equally likely"""

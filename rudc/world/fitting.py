@@ -7,7 +7,7 @@ turns exist. Where the ego's route is random, every route that may be drawn is c
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from rudc.scenario.distributions import Distribution, Normal
 from rudc.scenario.dotted import Path
 from rudc.scenario.fit import Parts
 from rudc.scenario.problems import Problem
-from rudc.scenario.sections import Ego, Traffic
+from rudc.scenario.sections import Ego, Traffic, may_be_zero
 from rudc.world.demand import Demand
 from rudc.world.obstacles import in_the_way
 from rudc.world.spawn import movements_of
@@ -82,25 +82,35 @@ def _no_way(network: Network, traffic: Traffic | None) -> list[Problem]:
     """The problems with the arms by which traffic comes, and with its turns."""
     if traffic is None or (traffic.origins is None and traffic.turns is None):
         return []
-    turns = traffic.turns and {name: 1.0 for name, share in traffic.turns.shares.items() if share.support[1]}
-    arms = {name: 1.0 for name, share in (traffic.origins or {}).items() if share.support[1]}
+    arms, turns = traffic.origins, traffic.turns and traffic.turns.shares
     problems, names = [], dict[str, str]()
-    for name in traffic.origins or ():
+    for name, share in (arms or {}).items():
         try:
             first = names.setdefault(network.arm(name).name, name)
             if first != name:
                 text = f"is the arm of {first!r}, too: name an arm once"
                 problems.append(Problem(("traffic", "from", name), text, on_key=True))
-            elif name in arms:
-                Demand(network, {name: 1.0}, turns)
+            elif share.support[1]:
+                Demand(network, {name: 1.0}, _named(turns))
         except NetworkError as error:
             problems.append(Problem(("traffic", "from", name), str(error), on_key=True))
-    if traffic.origins is None:
+    at = "traffic", "from" if turns is None else "turns"
+    for sure, when in ((False, ""), (True, " in an episode that draws 0 for each share that may be 0")):
         try:
-            Demand(network, None, turns)
+            if not problems:
+                Demand(network, _named(arms, sure=sure), _named(turns, sure=sure))
         except NetworkError as error:
-            problems.append(Problem(("traffic", "turns"), str(error)))
+            problems.append(Problem(at, f"{error}{when}"))
     return problems
+
+
+def _named(shares: Mapping[str, Distribution] | None, *, sure: bool = False) -> dict[str, float] | None:
+    """Those whose share may be above 0 or, with `sure`, always is; None for None."""
+    if shares is None:
+        return None
+    return {
+        name: 1.0 for name, share in shares.items() if share.support[1] and not (sure and may_be_zero(share))
+    }
 
 
 def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:

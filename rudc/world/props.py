@@ -85,7 +85,7 @@ class Prop:
         """whether it gives up when it is held up for long or has gone back to where it appeared; it is gone
         once it has backed to the begin of its way"""
         self.halt: Halt | None = None
-        """where it stops on its way, and for how many s from now on; not counted as being held up"""
+        """where it stops on its way, and for how many s it still stands; not counted as being held up"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         self.look_s = 0.1
@@ -153,11 +153,12 @@ class Prop:
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
 
     def _halts(self, dt: float) -> bool:
-        """Whether it stands, or stops, in the next dt s because it is time for that."""
+        """Whether it stops, or stands, in the next dt s because of its `halt`."""
         halt = self.halt
         if halt is None or self.travelled - self.appeared_m < halt.after_m:
             return False
-        self.halt = halt._replace(duration_s=halt.duration_s - dt) if halt.duration_s > dt else None
+        left = halt.duration_s - (dt if self.speed == 0.0 else 0.0)
+        self.halt = halt._replace(duration_s=left) if left > 0.0 else None
         return True
 
     def _towards(self, wanted: float, dt: float) -> float:

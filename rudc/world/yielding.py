@@ -183,8 +183,8 @@ def _room_beside(scene: Scene) -> float:
     """m that the ego's front may be beside its path before it reaches out of its lane: that before its stop
     line, or that by which it leaves."""
     network, row, (least, most) = scene.network, scene.route.row, BESIDE_M
-    inside = scene.front_s <= scene.route.stop_line_s
-    lane = network.inbound_lane(row) if inside else network.outbound_lane(row)
+    before = scene.front_s <= scene.route.stop_line_s
+    lane = network.inbound_lane(row) if before else network.outbound_lane(row)
     return min(max(0.5 * (lane.width - scene.vehicle.width), least), most)
 
 

@@ -182,7 +182,7 @@ def test_the_ego_waits_for_wider_ones_farther_from_their_ground(make_scene, four
     body, route = truck(four_way), four_way.route("south", "straight")
     standing = Rectangles(np.array([body["at"][:2]]), np.array([body["at"][2]]), np.array([body["size"]]))
     nobody = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
-    before = {}
+    before, after = {}, set()
     for width in (1.8, 2.5):
         other = {"row": rows[1], "s": 100.0, "size": (5.0, width)}
         scene = make_scene(other, front=-10.0)
@@ -192,6 +192,8 @@ def test_the_ego_waits_for_wider_ones_farther_from_their_ground(make_scene, four
         found = entering(along(scene, course), route)
         assert found is not None
         before[width] = float(found.ego_in[0])
+        after.add(float(found.ego_out[0]))
     own = make_scene().vehicle.width
     assert before[1.8] - before[2.5] == pytest.approx(PULLS_OUT * (2.5 - own))
     assert own >= 1.8
+    assert len(after) == 1, "it leaves their ground where it does"

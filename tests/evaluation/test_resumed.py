@@ -72,3 +72,12 @@ def test_each_change_of_versions_is_told_once():
         "numpy 1 -> 2",
         "numpy 2 -> 1",
     ]
+
+
+def test_a_digest_that_is_no_scenario_s_is_told_like_any_other_value():
+    """Code of a plug-in with a module of that name had changed."""
+    there, here = _manifest(one={}), _manifest(one={})
+    for made, digest in ((there, "12ab"), (here, "34cd")):
+        made["configuration"]["plugins"] = {"mine": {"mine.digest": digest}}
+    with pytest.raises(SweepError, match=r'plugins\.mine\.mine\.digest: "12ab" there, "34cd" here'):
+        resumed(there, here, Path("out"))

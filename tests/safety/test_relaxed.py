@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.last_resort import COMING_S, GOES_ON_S, LastResort
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
 
@@ -64,6 +65,19 @@ def test_so_does_one_with_a_slow_leader_or_before_somebody_who_speeds_up(scene: 
     answer = SafetyFilter(ECBF).filter(scene, GENTLY)
     assert answer.status == "onwards"
     assert (answer.u == GENTLY).all()
+
+
+@pytest.mark.parametrize("dt", [0.1, 1.0, 2.0])
+def test_an_ego_that_goes_on_and_then_stops_never_drives_backwards(dt: float) -> None:
+    """Also where a step is longer than the time for which it goes on."""
+    scene, last = in_the_way(), LastResort(FilterConfig.preset("ecbf", dt=dt))
+    last._times = last._until(COMING_S)
+    way = 3.0 * last._times
+    for end_s in GOES_ON_S:
+        driven = last._ended(scene, way, end_s)
+        assert (np.diff(driven) >= 0.0).all()
+        assert (driven <= way + 1e-9).all()
+        assert driven[-1] == pytest.approx(3.0 * max(end_s, dt) + 9.0 / 12.0, abs=3.0 * dt)
 
 
 @pytest.mark.parametrize(

@@ -102,6 +102,22 @@ def test_what_does_not_fit_is_told_with_its_place(tmp_path, traffic, where, said
     assert said in str(error.value)
 
 
+@pytest.mark.parametrize("drawn", ["{choice: [0, 1]}", "{choice: {values: [0, 1], weights: [1, 40]}}"])
+@pytest.mark.parametrize(
+    "traffic",
+    [
+        "from: {south: 1}, turns: {left: DRAWN, straight: 1}",
+        "from: {west: DRAWN, south: 1}, turns: {straight: 1}",
+        "from: {west: DRAWN, south: 1}, turns: {straight: 1, left: DRAWN}",
+    ],
+)
+def test_shares_that_may_be_drawn_as_0_must_leave_somebody(tmp_path, traffic, drawn):
+    path = tmp_path / "case.yaml"
+    path.write_text(f"name: case\nnetwork: t_junction\ntraffic: {{{traffic.replace('DRAWN', drawn)}}}\n")
+    with pytest.raises(ScenarioError, match="no way leads straight from"):
+        load_scenario(path, fit=misfits)
+
+
 def test_a_swept_arm_is_checked_at_its_own_place(tmp_path):
     path = tmp_path / "case.yaml"
     path.write_text(

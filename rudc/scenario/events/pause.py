@@ -14,7 +14,7 @@ class Pause(FileModel, frozen=True):
     after: Metre
     """m that they have moved by then, counted from the roadside for the first of them"""
     duration: Duration
-    """s"""
+    """s that they stand"""
 
 
 def halt_of(pause: Pause | None) -> Halt | None:

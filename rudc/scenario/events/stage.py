@@ -28,6 +28,7 @@ class Halt(NamedTuple):
     after_m: float
     """m that it has moved by then"""
     duration_s: float
+    """s that it stands"""
 
 
 class Stage(ABC):

@@ -38,6 +38,11 @@ class VehicleCrossing(Event, frozen=True):
     """where they stop on their way, all at once, and for how long; by default nowhere"""
 
 
+def beyond_way(length: float) -> float:
+    """m that one of `length` m drives beyond its way's end, so that its rear leaves the road."""
+    return 0.5 * length if 0.5 * length > ROADSIDE_M else 0.0
+
+
 class VehicleCrossingEffect(Passing[VehicleCrossing]):
     """They ride straight across, one behind the other, once traffic can still stop before the first.
 
@@ -53,7 +58,7 @@ class VehicleCrossingEffect(Passing[VehicleCrossing]):
         length = stage.length_of(event.type)
         if not stage.has_room(event.type, way, speed, 0.5 * length):
             return False
-        beyond_m = 0.5 * length if 0.5 * length > ROADSIDE_M else 0.0
+        beyond_m = beyond_way(length)
         for i in range(event.count):
             late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)
             stage.send(
