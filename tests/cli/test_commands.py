@@ -118,7 +118,8 @@ def test_keys_are_listed_with_units(rudc):
     said = rudc("scenario", "keys", "vehicle_crossing").out
     assert said.startswith("vehicle_crossing: Cyclists")
     assert [line.split()[0] for line in said.splitlines()[1:]] == [
-        "key", "when", "arm", "type", "at", "speed", "count", "from_side", "pause", "pause.after", "pause.duration",
+        "key", "when", "arm", "type", "at", "speed", "count", "from_side",
+        "pause", "pause.after", "pause.duration",
     ]  # fmt: skip
     assert "[number, number]" in rudc("scenario", "keys", "occlusion").out
     assert rudc("scenario", "keys", "hard_brak").status == 2
