@@ -49,10 +49,9 @@ creeps will have passed"""
 LONGER = 5.0
 """m: where a course's conflict with a vehicle begins this much before, or ends this much after, the route's
 conflict with it, the ego gives way as on new ground"""
-
 PULLS_OUT = 8.0
-"""m, for each m by which another is wider than the ego, that a course is on its ground earlier: lorries and
-buses need all of their lane, and swing out in bends"""
+"""m by which an ego that leaves its lane stops earlier for each m by which another is wider than the ego:
+lorries and buses need all of their lane, and swing out in bends"""
 
 
 class Conflicts(NamedTuple):

@@ -71,11 +71,11 @@ class Firing:
         seen = "" if self.seen == self.fired else f", and the ego meets it in {self.seen}"
         others = self.drawn - self.fired
         known = {NO_ROOM: self.no_room, UNFOLLOWED: self.unfollowed}
-        whys = [EARLY] if sum(known.values()) < others else []
-        for why, count in known.items():
+        reasons = [EARLY] if sum(known.values()) < others else []
+        for reason, count in known.items():
             if count:
-                whys.append(why if count == others else f"in {count} of them, {why}")
-        why = ", or, ".join(whys)
+                reasons.append(reason if count == others else f"in {count} of them, {reason}")
+        why = ", or, ".join(reasons)
         early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}{self._near}"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"

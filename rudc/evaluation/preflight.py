@@ -265,8 +265,7 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
             continue
         after, at = event.pause.after.support[0], likely(event.at)[0]
         arms = {arm for name in possible(event.arm) for arm in of_ego.get(name, {name})}
-        route = network.route(movements[0].origin, movements[0].destination)
-        way = max(float(np.hypot(*np.diff(across_arm(network, route, arm, at), axis=0)[0])) for arm in arms)
+        way = max(float(np.hypot(*np.diff(across_arm(network, None, arm, at), axis=0)[0])) for arm in arms)
         if isinstance(event, VehicleCrossing):
             length = max(size_of(kind)[0] for kind in possible(event.type))
             way += 0.5 * length + beyond_way(length)

@@ -111,11 +111,6 @@ def possible(word: Any) -> tuple[Any, ...]:
     return word.choice.possible if isinstance(word, WordChoice) else (word,)
 
 
-def drawn_word(word: Any, rng: np.random.Generator) -> Any:
-    """A word, drawn where a file leaves it to chance; a fixed one itself."""
-    return word.drawn(rng) if isinstance(word, Drawable) else word
-
-
 SideOfRoad = Literal["left", "right"]
 
 
@@ -147,24 +142,24 @@ class PlaceChoice(WordChoice, frozen=True):
     """the names; or {values: [...], weights: [...]}"""
 
 
-WayOn = Literal["left", "straight", "right", "random"]
+EgoTurn = Literal["left", "straight", "right", "random"]
 
 
-class WaysOn(ChoiceParameters, frozen=True):
-    """Turns at the junction."""
+class EgoTurns(ChoiceParameters, frozen=True):
+    """Turns of the ego at the junction."""
 
-    values: tuple[WayOn, ...]
+    values: tuple[EgoTurn, ...]
     """one of these"""
 
 
-class WayOnChoice(WordChoice, frozen=True):
+class EgoTurnChoice(WordChoice, frozen=True):
     """One of several turns."""
 
-    choice: WaysOn
+    choice: EgoTurns
     """the turns; or {values: [...], weights: [...]}"""
 
 
-AnyWayOn = Annotated[WayOn, OrChoice(WayOnChoice)]
+AnyEgoTurn = Annotated[EgoTurn, OrChoice(EgoTurnChoice)]
 Side = Annotated[SideOfRoad, OrChoice(SideChoice)]
 Place = Annotated[Identifier, OrChoice(PlaceChoice)]
 """The name of a lane or arm."""

@@ -145,7 +145,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def _is_dict(annotation: Any) -> bool:
-    """Whether a field holds a mapping whose keys are a file's own, or nothing."""
+    """Whether a field may hold a mapping whose keys are names of the file's choice."""
     return get_origin(annotation) is dict or any(map(_is_dict, get_args(annotation)))
 
 

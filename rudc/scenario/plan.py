@@ -62,7 +62,7 @@ class TrafficPlan:
     origins: Mapping[str, float] | None = None
     """share of those who come by each arm (compass name or edge id); None: as many as the arms have lanes"""
     turns: Mapping[str, float] | None = None
-    """share of each turn: left, straight, right; None: all ways on are alike"""
+    """share of each turn: left, straight, right; None: all ways on are equally likely"""
 
 
 class Drawable(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import (
@@ -19,7 +19,7 @@ from pydantic_core import CoreSchema
 
 from rudc.errors import InputError
 from rudc.scenario.base import FileModel, Identifier, Truth, refuse
-from rudc.scenario.choices import AnyWayOn, Place, drawn_word, possible
+from rudc.scenario.choices import AnyEgoTurn, Place, possible
 from rudc.scenario.distributions import (
     AnyDistribution,
     Bounds,
@@ -29,6 +29,7 @@ from rudc.scenario.distributions import (
     Normal,
     NormalParameters,
     Uniform,
+    draw,
 )
 from rudc.scenario.events.event import Speed
 from rudc.scenario.plan import EgoPlan, TrafficPlan
@@ -41,7 +42,7 @@ class EgoRoute(FileModel, frozen=True):
 
     origin: Place = Field(default="random", alias="from")
     """arm (compass name) or edge it comes from, or random"""
-    turn: AnyWayOn = "random"
+    turn: AnyEgoTurn = "random"
     """where it turns, drawn where several arms lie that way; to the left it starts on the leftmost lane that
     leads there, else on the rightmost"""
     to: Place | None = None
@@ -118,7 +119,7 @@ class Ego(FileModel, frozen=True):
     def plan(self, rng: np.random.Generator) -> EgoPlan:
         """The ego of one episode."""
         route = self.route
-        origin, turn, to = (drawn_word(word, rng) for word in (route.origin, route.turn, route.to))
+        origin, turn, to = (draw(word, rng) for word in (route.origin, route.turn, route.to))
         return EgoPlan(
             origin=None if origin == "random" else origin,
             turn=None if turn == "random" else turn,
@@ -171,8 +172,27 @@ def _drawn(key: str, shares: Mapping[str, Distribution], rng: np.random.Generato
     return {name: share / total for name, share in drawn.items() if share > 0}
 
 
-class Mix(FileModel, frozen=True):
+class Shares(FileModel, frozen=True):
+    """Relative shares, one for each key; one that is not given is 0."""
+
+    EXAMPLE: ClassVar[str]
+    """what a file may say"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _refuse_nothing(self.shares, self.EXAMPLE)
+        return self
+
+    @property
+    def shares(self) -> dict[str, Distribution]:
+        """Key -> share."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
+
+
+class Mix(Shares, frozen=True):
     """Relative shares of the types of surrounding vehicles."""
+
+    EXAMPLE: ClassVar[str] = "{car: 0.8, truck: 0.2}"
 
     car: Share = Constant(value=0.0)
     """share of cars, 5 m long"""
@@ -185,19 +205,11 @@ class Mix(FileModel, frozen=True):
     bicycle: Share = Constant(value=0.0)
     """share of bicycles, 1.8 m long"""
 
-    @model_validator(mode="after")
-    def _check(self) -> Mix:
-        _refuse_nothing(self.shares, "{car: 0.8, truck: 0.2}")
-        return self
 
-    @property
-    def shares(self) -> dict[str, Distribution]:
-        """Type -> share."""
-        return {name: getattr(self, name) for name in type(self).model_fields}
+class Turns(Shares, frozen=True):
+    """Relative shares of the turns at the junction."""
 
-
-class Turns(FileModel, frozen=True):
-    """Relative shares of the ways through the junction."""
+    EXAMPLE: ClassVar[str] = "{left: 1, straight: 4}"
 
     left: Share = Constant(value=0.0)
     """share of those who turn left, of all who come by an arm"""
@@ -205,16 +217,6 @@ class Turns(FileModel, frozen=True):
     """share of those who go straight on"""
     right: Share = Constant(value=0.0)
     """share of those who turn right"""
-
-    @model_validator(mode="after")
-    def _check(self) -> Turns:
-        _refuse_nothing(self.shares, "{left: 1, straight: 4}")
-        return self
-
-    @property
-    def shares(self) -> dict[str, Distribution]:
-        """Turn -> share."""
-        return {name: getattr(self, name) for name in type(self).model_fields}
 
 
 def _of_arms(shares: dict[str, Distribution]) -> dict[str, Distribution]:

@@ -176,9 +176,8 @@ def _overlaps(network: Network, things: list[_Thing]) -> list[Problem]:
     found = []
     for k, (path, event, thing) in enumerate(things):
         earlier = {other.name: at for at, before, other in things[:k] if _at_once(before, event)}
-        for other in overlapped(thing, [other for _, _, other in things[:k] if other.name in earlier])[
-            :NAMED
-        ]:
+        met = overlapped(thing, [other for _, _, other in things[:k] if other.name in earlier])
+        for other in met[:NAMED]:
             where = f"stands where {dotted(earlier[other.name])} stands, {said(network, thing.place)}"
             found.append(Problem(path, f"{where}; move one of them"))
     return found

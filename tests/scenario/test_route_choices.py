@@ -58,24 +58,29 @@ def test_every_route_that_may_be_drawn_is_known():
     assert found == {("north", "east"), ("north", "west"), ("east", "south"), ("east", "north")}
 
 
-def test_each_must_fit_the_network(problems):
-    text = "name: a\nnetwork: t_junction\nego: {{route: {}}}\n"
-    check(
-        problems(text.format("{from: {choice: [west, south]}, turn: {choice: [right, left]}}")),
-        "3:14: ego.route: network t_junction has no movement from west with `turn: left`; it has ...",
-    )
-    check(
-        problems(text.format("{from: {choice: [west, norht]}, turn: right}")),
-        "3:21: ego.route.from: no arm 'norht' in network t_junction...",
-    )
-    check(
-        problems(text.format("{from: {choice: [west, random]}, to: south}")),
-        "3:47: ego.route.to: does not go with `from: random`...",
-    )
-    check(
-        problems(text.format("{from: west, turn: {choice: [right, back]}}")),
-        "...ego.route.turn.choice.1: expected one of left, straight, right, random; got the text 'back'",
-    )
+@pytest.mark.parametrize(
+    ("route", "said"),
+    [
+        (
+            "{from: {choice: [west, south]}, turn: {choice: [right, left]}}",
+            "3:14: ego.route: network t_junction has no movement from west with `turn: left`; it has ...",
+        ),
+        (
+            "{from: {choice: [west, norht]}, turn: right}",
+            "3:21: ego.route.from: no arm 'norht' in network t_junction...",
+        ),
+        (
+            "{from: {choice: [west, random]}, to: south}",
+            "3:47: ego.route.to: does not go with `from: random`...",
+        ),
+        (
+            "{from: west, turn: {choice: [right, back]}}",
+            "...ego.route.turn.choice.1: expected one of left, straight, right, random; got the text 'back'",
+        ),
+    ],
+)
+def test_each_must_fit_the_network(problems, route, said):
+    check(problems(f"name: a\nnetwork: t_junction\nego: {{route: {route}}}\n"), said)
 
 
 @pytest.mark.parametrize(("arms", "warned"), [(["south"], True), (["south", "west"], False)])

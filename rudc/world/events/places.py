@@ -166,8 +166,8 @@ def against_lane(network: Network, route: Route, lane: str, at: float) -> Array:
     return np.vstack([way, way[-1] + BEYOND_M * direction])
 
 
-def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
-    """(2, 2) m, as `Stage.across_arm`; `route`: the ego's."""
+def across_arm(network: Network, route: Route | None, name: str, at: float) -> Array:
+    """(2, 2) m, as `Stage.across_arm`; `route`: the ego's, needed where `name` is relative to it."""
     arm, ends = network.arm(name, route), []
     for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
         # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
