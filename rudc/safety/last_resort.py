@@ -42,8 +42,8 @@ it is closer already, than it is now.
 
 Before that, the proposed action replaces a relaxed one (filter.py) that would leave the ego in the way of
 somebody who comes within COMING_S, if an ego that goes on is out of that way before: by every prediction of
-that other, and SPARE_S before if it keeps its speed. The ego may stop again, behind its leader, after one of
-GOES_ON_S.
+that other, and SPARE_S before if it keeps its speed and could still stop gently for the ego. The ego may
+stop again, behind its leader, after one of GOES_ON_S.
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
 the model: if u was taken because a stop can follow it, a stop is possible again in the next step. Those who
@@ -172,8 +172,9 @@ class LastResort:
     def would_block(self, scene: Scene, braking: Array, going: Array) -> Index:
         """Indices of those who move and within COMING_S would come upon an ego that stops after the action
         `braking` (2,), m/s2 and rad, but would not meet one that takes the action `going` (2,) and goes on,
-        or goes on and then stops, not even if they came SPARE_S earlier at their present speed. Empty if it
-        would meet any of them, or anybody else within HORIZON, or if `going` would not be taken.
+        or goes on and then stops. Those who could still stop gently for the first would not meet the second
+        even if they came SPARE_S earlier at their present speed. Empty if it would meet any of them, or
+        anybody else within HORIZON, or if `going` would not be taken.
         """
         self._times = self._until(COMING_S)
         first, v, _ = self._first(scene, float(going[0]))
@@ -184,25 +185,30 @@ class LastResort:
         who = np.unique(others.who[kept & ~others.still & (stops < -CREEPING)])
         if not len(who):
             return who
+        early = np.setdiff1d(who, self._late(scene, others, who, braking))
+        avoided = (
+            (others, np.isin(others.who, who)),
+            (
+                others.during(slice(round(SPARE_S / self._dt), None)),
+                np.isin(others.who, early) & others.steady,
+            ),
+            (others.during(slice(len(self._usual))), kept),
+        )
         ways = way, *(self._ended(scene, way, end_s) for end_s in reversed(GOES_ON_S))
-        clear = any(self._is_clear(scene, others, who, kept, *self._along(scene, going, w)) for w in ways)
+        clear = any(self._is_clear(scene, avoided, *self._along(scene, going, w)) for w in ways)
         return who if clear and self.instead_of(scene, going) is None else who[:0]
 
     def _is_clear(
-        self, scene: Scene, others: Others, who: Index, kept: Flags, place: Complex, facing: Complex
+        self, scene: Scene, avoided: tuple[tuple[Others, Flags], ...], place: Complex, facing: Complex
     ) -> bool:
-        """Whether an ego at `place` (T,) m facing `facing` (T,) keeps clear of `who` (n,) by all predictions,
-        if they keep their speed also SPARE_S sooner, and of all `kept` (m,) within HORIZON.
+        """Whether an ego at `place` (T,) m facing `facing` (T,) keeps clear of those that are flagged, for as
+        long as they are predicted.
         """
-
-        def meets(them: Flags, predicted: Others) -> bool:
-            end = predicted.place.shape[1]
-            return bool((self._room(scene, predicted, place[:end], facing[:end])[them] < -CREEPING).any())
-
-        its = np.isin(others.who, who)
-        sooner = others.during(slice(round(SPARE_S / self._dt), None))
-        soon = others.during(slice(len(self._usual)))
-        return not (meets(its, others) or meets(its & others.steady, sooner) or meets(kept, soon))
+        for others, flags in avoided:
+            end = others.place.shape[1]
+            if (self._room(scene, others, place[:end], facing[:end])[flags] < -CREEPING).any():
+                return False
+        return True
 
     def _ended(self, scene: Scene, way: Array, end_s: float) -> Array:
         """(T,) m driven as `way` (T,) until `end_s`, and then braking fully."""
@@ -226,8 +232,12 @@ class LastResort:
         """
         hit = hit & ~others.still
         who = np.setdiff1d(others.who[hit], others.who[~hit])
-        if not len(who):
-            return who
+        return self._late(scene, others, who, braking)
+
+    def _late(self, scene: Scene, others: Others, who: Index, braking: Array) -> Index:
+        """Those of `who` that meet an ego which stops under `braking` (2,), m/s2 and rad, before they could
+        stop gently.
+        """
         place, facing = self._stop(scene, braking)
         late = [i for i in who.tolist() if self._is_late(scene, others, i, place, facing)]
         return np.array(late, dtype=np.int64)

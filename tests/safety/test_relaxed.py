@@ -9,6 +9,7 @@ import pytest
 
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.last_resort import COMING_S, GOES_ON_S, LastResort
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
 
@@ -39,6 +40,7 @@ def speeding_up(distance: float, speed: float, rate: float, **changes: Any) -> S
 
 
 GENTLY = np.array([2.0, 0.0])
+ON_ICE = EgoVehicle(a_min=-1.8)
 ECBF = FilterConfig.preset("ecbf")
 
 
@@ -58,10 +60,13 @@ def test_who_would_stop_in_somebodys_way_and_is_out_of_it_in_time_goes_on() -> N
         in_the_way(Other(13.0, 0.0, 0.0, 2.0)),
         speeding_up(10.95, 3.42, 1.7, x=-0.53, v=1.62),
         speeding_up(17.6, 5.73, 1.85, x=-1.27, v=1.65),
+        in_the_way(x=-3.0, vehicle=ON_ICE),
     ],
 )
-def test_so_does_one_with_a_slow_leader_or_before_somebody_who_speeds_up(scene: Scene) -> None:
-    """It may stop again beyond the other's way. Who speeds up has not begun to do so half a second ago."""
+def test_so_does_one_with_a_slow_leader_or_before_somebody_who_speeds_up_or_cannot_stop(scene: Scene) -> None:
+    """It may stop again beyond the other's way. Who speeds up has not begun to do so half a second ago. And
+    with nothing to spare, where the other could not stop for it: on a dry road it does not (below).
+    """
     answer = SafetyFilter(ECBF).filter(scene, GENTLY)
     assert answer.status == "onwards"
     assert (answer.u == GENTLY).all()
