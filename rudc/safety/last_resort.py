@@ -4,8 +4,8 @@ Barrier rows look one step ahead only, at ellipses that leave out the corners of
 positive slack delta h can stay at -delta / lambda. Therefore the action u that the rows give is judged by
 manoeuvres that begin with it:
 
-    stop   u for one step, then full braking with the steering held until the ego stands. Where some body
-           stands still, also the same with steering along the route, which can pass close to one in a bend
+    stop   u for one step, then full braking until the ego stands: with the steering held, and along the
+           route
     go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can,
            no faster than its bends allow
 
@@ -34,10 +34,10 @@ it is closer already, than it is now.
                        stop that begins with u has room towards those who stand still and braking at once has
                        more towards them, whatever else comes. It steers in whichever of these ways has most
                        room: as u does; as the wheels are now, as in the stop that the last action relied on;
-                       or, where somebody stands still, along the route. If all of these hit somebody, those
-                       that leave the road within SOON_S come last. Where the manoeuvres hit somebody,
-                       ALIKE less room will do, too: rectangles that overlap by more than their widths have
-                       the same separation, however far they overlap
+                       or along the route. If all of these hit somebody, those that leave the road within
+                       SOON_S come last. Where the manoeuvres hit somebody, ALIKE less room will do, too:
+                       rectangles that overlap by more than their widths have the same separation, however
+                       far they overlap
     u is taken         otherwise
 
 Before that, the proposed action replaces a relaxed one (filter.py) that would leave the ego in the way of
@@ -270,23 +270,17 @@ class LastResort:
         return bool(np.isin(near, self._behind(scene, near)).all())
 
     def _stops(self, scene: Scene, others: Others, u: Array) -> Array:
-        """(1 or 2, m) m, room of stopping after `u` with the steering held and, where somebody stands still,
-        of stopping along the route.
-        """
+        """(2, m) m, room of stopping after `u` with the steering held, and along the route."""
         way = self._stopping(scene, float(u[0]))
-        rooms = [self._room(scene, others, *self._held(scene, u, way))]
-        if others.still.any():
-            rooms.append(self._room(scene, others, *self._along(scene, u, way)))
-        return np.stack(rooms)
+        held, along = self._held(scene, u, way), self._along(scene, u, way)
+        return np.stack([self._room(scene, others, *held), self._room(scene, others, *along)])
 
     def _brake(self, scene: Scene, others: Others, kept: Flags, delta: float) -> tuple[Array, Array]:
         """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad, as the wheels are
-        now or, if somebody stands still, along the route: whichever has most room. If all hit somebody, one
-        that stays on the road comes first.
+        now or along the route: whichever has most room. If all hit somebody, one that stays on the road
+        comes first.
         """
-        ways = [(delta, 0), (scene.ego.steering, 0)]
-        if others.still.any():
-            ways.append((steering(scene), 1))
+        ways = (delta, 0), (scene.ego.steering, 0), (steering(scene), 1)
         actions = [np.array([scene.vehicle.a_min, way]) for way, _ in ways]
         rooms = [self._stops(scene, others, u)[k] for u, (_, k) in zip(actions, ways, strict=True)]
         least = [float(room[kept].min()) for room in rooms]

@@ -11,11 +11,12 @@ from rudc.geometry import gaps_between
 from rudc.network.line_kernels import body_on_line
 from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.last_resort import LastResort
 from rudc.safety.prediction import following
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant, EgoState
 from rudc.world.scene import Scene
-from tests.safety.scenes import Network, Other, Paths, Road, make_scene
+from tests.safety.scenes import Network, Other, Paths, Road, make_scene, straight_road
 
 SIZES = {"car": (5.0, 1.8), "bus": (12.0, 2.5), "lorry": (16.5, 2.55)}
 FILTERS = {"ttcbf": FilterConfig(road=False), "no rows": FilterConfig(max_vehicles=0, road=False)}
@@ -100,3 +101,15 @@ def test_who_drives_behind_in_a_bend_does(kind, radius):
             scene = among(road, ego, at, at - 2.5 - away - half, 5.0, kind, 0.0)
             assert following(scene, np.array([0])).all(), (at, away)
             assert SafetyFilter(FILTERS["no rows"]).filter(scene, np.array([-6.0, 0.0])).status == "nominal"
+
+
+@pytest.mark.parametrize("turned", [0.4, 0.5, 0.6])
+def test_before_a_bend_it_can_stop_along_its_road_for_those_who_move(turned: float) -> None:
+    """Held, the wheels lead into the other lane, where somebody comes; its own lane has a slow leader."""
+    oncoming = Other(15.6 * math.sin(turned), 15.6 * math.cos(turned) - 12.0, math.pi - turned, 0.6)
+    leader = Other(12.0 * math.sin(1.15), 12.0 * math.cos(1.15) - 12.0, -1.15, 0.6)
+    judge = LastResort(FILTERS["no rows"])
+    for road, brakes in ((bend(12.0), False), (straight_road(), True)):
+        scene = make_scene([oncoming, leader], x=-2.0, v=7.0, route=road, vehicle=EgoVehicle(a_min=-3.0))
+        instead = judge.instead_of(scene, np.array([1.0, 0.0]))
+        assert (instead is not None and not instead.onwards) is brakes
