@@ -33,7 +33,6 @@ except ImportError as error:  # pragma: no cover - only on a machine without it
         f"libsumo cannot be imported ({error}); install it with: pip install libsumo"
     ) from error
 
-
 OWN_SPEED = 31
 """SUMO's speed mode with every check on"""
 HEEDLESS = 55
@@ -48,8 +47,7 @@ _OPTIONS = (
     "--insertion-checks", "collision", "--default.speeddev", "0",
 )  # fmt: skip
 
-_QUARTER = math.pi / 2
-_RADIAN = math.pi / 180
+_QUARTER, _RADIAN = math.pi / 2, math.pi / 180
 MATCH_M = 5.0
 """m within which SUMO looks for the lane under a vehicle that is placed; it searches all of them"""
 
@@ -395,6 +393,8 @@ class Sumo:
         libsumo.lane.setMaxSpeed(lane, speed)
 
     @_to("have a vehicle overlook another")
-    def overlook(self, vehicle: str, other: str) -> None:
-        """From now on a vehicle gives way at junctions to all but one other; empty: to all."""
-        libsumo.vehicle.setParameter(vehicle, "junctionModel.ignoreIDs", other)
+    def overlook(self, vehicle: str, other: str, *, ahead: bool = False) -> None:
+        """From now on a vehicle gives way at junctions to all but one other or, `ahead`, follows all but one
+        other; empty: all."""
+        model = "carFollowModel" if ahead else "junctionModel"
+        libsumo.vehicle.setParameter(vehicle, f"{model}.ignoreIDs", other)

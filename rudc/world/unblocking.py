@@ -10,6 +10,11 @@ it keep waiting, since they would only drive up to its nose, where neither could
 again, those that stand heed it again. One that drives goes on overlooking it: SUMO would have it brake
 hard, often for nothing, and the layer makes it brake if it must. An SV that stands nose to nose with the
 ego goes back (rudc/world/backing_off.py).
+
+SUMO takes a vehicle to be on the lane nearest to its front, so that an ego in a wide turn may count as
+standing ahead of somebody who only drives past it. So who is set free in the junction, on another path than
+the ego's, does not follow the ego either, until it is out of the junction, or the ego drives again before
+it is past.
 """
 
 from __future__ import annotations
@@ -17,6 +22,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from rudc.arrays import Flags
 from rudc.world.backing_off import BackingOff, bars
@@ -39,12 +46,16 @@ class Unblocking:
         self._sumo = sumo
         self._backing_off = BackingOff(sumo, traffic)
         self._free: set[str] = set()
+        self._passing: set[str] = set()
+        """those who do not follow the ego"""
 
     def step(self, scene: Scene, held: Collection[str], decision_s: float) -> None:
         """Set free the SVs that stand and are not `held` by the yielding layer, once the ego has stood long
         enough for them, and move those that go back. While the ego drives, those that stand heed it again.
         """
         self._backing_off.step(scene, decision_s)
+        if self._passing:
+            self._follow_again(scene)
         if scene.waited_s >= STOOD_S:
             owes = scene.network.paths.yields[scene.path, scene.route.row] & (scene.waited_s < LONG_S)
             wanted = _standing(scene, ~owes) - self._free - set(held)
@@ -58,12 +69,43 @@ class Unblocking:
             return
         for name in sorted(wanted):
             self._sumo.overlook(name, EGO if name in self._free else "")
+        if passing := wanted & self._free & _in_junction(scene):
+            self._passing |= passing
+            for name in sorted(passing):
+                self._sumo.overlook(name, EGO, ahead=True)
+
+    def _follow_again(self, scene: Scene) -> None:
+        """Have those follow the ego again who are out of the junction, and, once the ego drives, those who
+        are not past it.
+        """
+        still = _in_junction(scene)
+        if scene.waited_s == 0.0:
+            still -= _before_ego(scene)
+        for name in sorted((self._passing - still).intersection(scene.ids)):
+            self._sumo.overlook(name, "", ahead=True)
+        self._passing &= still
 
 
 def _standing(scene: Scene, among: Flags) -> set[str]:
     """Names of the SVs that stand, `among` (N,) all."""
     stands = among & (scene.path >= 0) & (scene.speed < STANDING)
     return {scene.ids[i] for i in stands.nonzero()[0].tolist()}
+
+
+def _in_junction(scene: Scene) -> set[str]:
+    """Names of the SVs that are in the junction, on other paths than the ego's."""
+    paths, half = scene.network.paths, 0.5 * scene.size[:, 0]
+    on = (scene.path >= 0) & (scene.path != scene.route.row)
+    on &= scene.path_s + half > paths.stop_s[scene.path]
+    on &= scene.path_s - half < paths.exit_s[scene.path]
+    return {scene.ids[i] for i in on.nonzero()[0].tolist()}
+
+
+def _before_ego(scene: Scene) -> set[str]:
+    """Names of those who have the ego's middle ahead of their own."""
+    to_ego = np.array([scene.ego.x, scene.ego.y]) - scene.position
+    ahead = to_ego[:, 0] * np.cos(scene.heading) + to_ego[:, 1] * np.sin(scene.heading) > 0.0
+    return {scene.ids[i] for i in ahead.nonzero()[0].tolist()}
 
 
 def _barred(scene: Scene, names: Collection[str]) -> set[str]:

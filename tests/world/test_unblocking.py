@@ -14,10 +14,11 @@ BEYOND = 3.0
 """m beyond its stop line where the ego's front stands: its ways ahead are free for all who cross"""
 
 
-def longest_stand(world):
-    """s, how long somebody from another arm has been standing after a minute of the ego's standing there."""
+def longest_stand(world, turn="straight", front=BEYOND, **options):
+    """s, how long somebody from another arm has been standing after a minute of the ego's standing with its
+    front there."""
     since, paths = {}, world.network.paths
-    for scene in scenes_of_a_standing_ego(world, "straight", BEYOND - 0.5 * world.vehicle.length, 60.0):
+    for scene in scenes_of_a_standing_ego(world, turn, front - 0.5 * world.vehicle.length, 60.0, **options):
         own = paths.origin == paths.origin[world.route.row]
         stands = (np.hypot(*scene.velocity.T) < 0.1) & (scene.path >= 0) & ~own[scene.path]
         names = {name for name, there in zip(scene.ids, stands, strict=True) if there}
@@ -31,14 +32,22 @@ def test_nobody_stands_for_ever_for_an_ego_that_stands_in_nobodys_way(world, mon
     assert longest_stand(world) > 45.0, "as SUMO has it"
 
 
+def test_nor_behind_an_ego_that_only_sumo_takes_to_be_ahead(world_on, monkeypatch):
+    """In its wide turn it counts as being on the lane of those who drive past it."""
+    skewed = world_on("skewed_four_way")
+    assert longest_stand(skewed, "left", 19.5, seed=2) < 20.0
+    monkeypatch.setattr(unblocking, "_in_junction", lambda scene: set())
+    assert longest_stand(skewed, "left", 19.5, seed=2) > 35.0, "as SUMO has it"
+
+
 class Asked:
-    """In SUMO's stead: notes whom it is asked to have overlook whom."""
+    """In SUMO's stead: notes whom it is asked to have overlook, and not follow, whom."""
 
     def __init__(self):
-        self.overlooked = []
+        self.overlooked, self.unfollowed = [], []
 
-    def overlook(self, vehicle, other):
-        self.overlooked.append((vehicle, other))
+    def overlook(self, vehicle, other, *, ahead=False):
+        (self.unfollowed if ahead else self.overlooked).append((vehicle, other))
 
 
 def unblocking_of(asked):
@@ -70,6 +79,29 @@ def test_whom_the_yielding_layer_holds_heeds_the_ego_and_who_stands_when_it_driv
     step(scene(0.0, 0.0, 0.0))
     step(scene(0.0, 0.0, 0.0, 0.0))
     assert len(asked.overlooked) == 3, "who has left is asked nothing"
+
+
+def test_who_is_set_free_in_the_junction_does_not_follow_the_ego_until_it_is_out(make_scene, four_way):
+    """Once the ego drives, who is past it goes on as before, and who is not past it follows it again."""
+    own, paths = four_way.route("south", "straight"), four_way.paths
+    row = int((~paths.yields[:, own.row]).argmax())
+    entry, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
+
+    def asked_of(*steps):
+        asked = Asked()
+        step = unblocking_of(asked)
+        for s, waited_s in steps:
+            step(make_scene({"row": row, "s": s, "v": 0.0}, v=0.0, front=3.0, waited_s=waited_s))
+        return asked.unfollowed
+
+    stands = unblocking.STOOD_S
+    before, inside, past, out = entry - 5.0, entry + 1.0, exit_s - 1.0, exit_s + 5.0
+    follows_not, follows = ("other0", "ego"), ("other0", "")
+    assert asked_of((before, stands)) == []
+    assert asked_of((inside, stands), (inside, stands + 1.0)) == [follows_not]
+    assert asked_of((inside, stands), (inside, 0.0)) == [follows_not, follows]
+    assert asked_of((inside, stands), (past, 0.0)) == [follows_not]
+    assert asked_of((inside, stands), (past, 0.0), (out, 0.0)) == [follows_not, follows]
 
 
 def test_who_should_give_way_and_cannot_pass_the_ego_waits_for_it(make_scene, four_way):
