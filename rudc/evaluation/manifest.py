@@ -181,8 +181,17 @@ def manifest(plan: SweepPlan) -> dict[str, Any]:
 
 
 def as_json(content: Mapping[str, Any]) -> str:
-    """The manifest as text."""
-    return json.dumps(content, indent=2) + "\n"
+    """The manifest as text, with one line for each scenario and agent."""
+    return _in_lines(content, 3) + "\n"
+
+
+def _in_lines(value: Any, levels: int, indent: str = "") -> str:
+    """JSON with a line for each entry of the outer `levels` of mappings; what is deeper stays on its line."""
+    if not levels or not value or not isinstance(value, Mapping):
+        return json.dumps(value)
+    inner = indent + "  "
+    entries = (f"{inner}{json.dumps(key)}: {_in_lines(v, levels - 1, inner)}" for key, v in value.items())
+    return "{\n" + ",\n".join(entries) + f"\n{indent}}}"
 
 
 def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -1,16 +1,27 @@
-"""What a folder says that holds another sweep, or rows of several versions."""
+"""What a folder says that holds another sweep, or rows of several versions, and how it is written."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from rudc.errors import SweepError
-from rudc.evaluation.manifest import resumed, version_changes
+from rudc.evaluation.manifest import as_json, resumed, version_changes
 
 
 def _manifest(**agents):
     configuration = {"scenarios": {"a": {"values": {"x": 1}}}, "agents": agents, "episodes": 2, "seed": 0}
     return {"configuration": configuration, "versions": {"rudc": "1"}}
+
+
+def test_a_manifest_has_one_line_for_each_scenario_and_agent():
+    made = _manifest(one={"filter": {"rate": 0.5}}, other={}) | {"none": {}}
+    text = as_json(made)
+    assert json.loads(text) == made
+    starts = [line.split(":")[0].strip(' {}",') for line in text.splitlines()]
+    named = [name for name in starts if name]
+    assert named == ["configuration", "scenarios", "a", "agents", "one", "other", "episodes", "seed", "versions",
+                     "rudc", "none"]  # fmt: skip
 
 
 def test_agents_of_one_side_are_named_and_not_listed_setting_by_setting():
