@@ -98,6 +98,9 @@ class _Site(NetworkStage):
     def speed(self, name: str) -> float:
         return 0.0
 
+    def is_inside(self, name: str) -> bool:
+        return False
+
     def seize(self, name: str, *, heedless: bool = False) -> None: ...
 
     def release(self, name: str, *, heedless: bool = False) -> None: ...

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rudc.arrays import Array, Index
+from rudc.arrays import Array, Flags, Index
 from rudc.vehicle import Actuation, EgoVehicle
 
 if TYPE_CHECKING:
@@ -164,6 +164,13 @@ class Scene:
     def speed(self) -> Array:
         """(N,) m/s, speeds of the others."""
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+
+    @property
+    def inside(self) -> Flags:
+        """(N,) whether some part of each of the others that have a path is in the junction."""
+        half, paths = 0.5 * self.size[:, 0], self.network.paths
+        begun = self.path_s + half > paths.stop_s[self.path]
+        return (self.path >= 0) & begun & (self.path_s - half < paths.exit_s[self.path])
 
     @property
     def front_s(self) -> float:

@@ -94,11 +94,8 @@ def _standing(scene: Scene, among: Flags) -> set[str]:
 
 def _in_junction(scene: Scene) -> set[str]:
     """Names of the SVs that are in the junction, on other paths than the ego's."""
-    paths, half = scene.network.paths, 0.5 * scene.size[:, 0]
-    on = (scene.path >= 0) & (scene.path != scene.route.row)
-    on &= scene.path_s + half > paths.stop_s[scene.path]
-    on &= scene.path_s - half < paths.exit_s[scene.path]
-    return {scene.ids[i] for i in on.nonzero()[0].tolist()}
+    there = scene.inside & (scene.path != scene.route.row)
+    return {scene.ids[i] for i in there.nonzero()[0].tolist()}
 
 
 def _before_ego(scene: Scene) -> set[str]:

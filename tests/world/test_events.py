@@ -158,15 +158,6 @@ def test_priority_violation_drives_into_the_junction_without_looking(world):
     assert world.stage.unlawful
 
 
-def test_priority_violation_ends(world):
-    source = replace(CALM, events=(event("priority_violation", vehicle="all", duration=2),))
-    run(world, source, 1.0)
-    assert world.stage.unlawful
-    run(world, source, 4.0)
-    assert not world.stage.unlawful & set(world.scene().ids)
-    assert not any(driver.overridden or driver.heedless for driver in world.traffic.drivers.values())
-
-
 def test_a_second_event_that_ends_leaves_the_first_at_work(world):
     """Who is made to brake while it drives without looking goes on without looking."""
     heedless = event("priority_violation", vehicle="all")

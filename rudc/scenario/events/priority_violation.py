@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rudc.scenario.events.event import Duration, Held, VehicleEvent
+from rudc.scenario.events.event import Duration, Effect, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Selector
@@ -18,7 +18,7 @@ class PriorityViolation(VehicleEvent, frozen=True):
     vehicle: Selector = "crossing"
     """which vehicle"""
     duration: Duration | None = None
-    """s; by default for good"""
+    """s; by default for good. Who is in the junction by then goes on like that until it is out"""
 
 
 class PriorityViolationEffect(Held[PriorityViolation]):
@@ -28,6 +28,19 @@ class PriorityViolationEffect(Held[PriorityViolation]):
 
     def hold(self, stage: Stage, name: str) -> None:
         stage.seize(name, heedless=True)
+
+    def step(self, stage: Stage) -> None:
+        super().step(stage)
+        if Effect.is_over(self, stage):
+            for name in self.held:
+                if not stage.is_inside(name):
+                    self.let_go(stage, name)
+            self.held = [name for name in self.held if stage.is_inside(name)]
+
+    def is_over(self, stage: Stage) -> bool:
+        """Whether its duration has passed and its vehicles are out of the junction, or all have left."""
+        there = any(stage.is_inside(name) for name in self.held)
+        return self.all_left(stage) or (Effect.is_over(self, stage) and not there)
 
     def let_go(self, stage: Stage, name: str) -> None:
         stage.release(name, heedless=True)

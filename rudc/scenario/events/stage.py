@@ -66,6 +66,10 @@ class Stage(ABC):
         """m/s of something that is present."""
 
     @abstractmethod
+    def is_inside(self, name: str) -> bool:
+        """Whether some part of a surrounding vehicle is in the junction."""
+
+    @abstractmethod
     def seize(self, name: str, *, heedless: bool = False) -> None:
         """Take a vehicle's speed into the event's hands: it brakes as hard as it is told to.
 

@@ -110,9 +110,8 @@ class WorldStage(NetworkStage):
         return self.scene.ids if self.scene else ()
 
     def choose(self, selector: Selector) -> list[str]:
-        if self.scene is None:
-            return []
-        return [self.scene.ids[i] for i in pick(self.scene, selector, self.rng)]
+        scene = self.scene
+        return [] if scene is None else [scene.ids[i] for i in pick(scene, selector, self.rng)]
 
     def held_by(self, number: int | None) -> list[str]:
         taken = self.taken.get(number, frozenset()) if number is not None else frozenset()
@@ -121,6 +120,10 @@ class WorldStage(NetworkStage):
     def speed(self, name: str) -> float:
         assert self.scene is not None, "nothing is present before there is traffic"
         return math.hypot(*self.scene.velocity[self.scene.ids.index(name)])
+
+    def is_inside(self, name: str) -> bool:
+        scene = self.scene
+        return scene is not None and name in scene.ids and bool(scene.inside[scene.ids.index(name)])
 
     def seize(self, name: str, *, heedless: bool = False) -> None:
         driver = self.traffic.drivers[name]
