@@ -51,7 +51,7 @@ def run(
         Path | None,
         typer.Option(
             metavar="F.csv",
-            help="Every decision: action, filter, gap, reward terms; x_m and y_m as in the network's file.",
+            help="Every decision: action, filter, gap, reward terms; x_m and y_m from the junction's centre.",
         ),
     ] = None,
     fcd: Annotated[

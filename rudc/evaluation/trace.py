@@ -30,12 +30,13 @@ class Trace:
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Keep a decision: the scene it was taken in, and what came of it."""
         ego, corrected = scene.ego, decision.corrected
+        x, y = (scene.ego_position - scene.network.center).tolist()
         unsure, by_route = decision.uncertainty, decision.by_route
         unusual = np.flatnonzero(self._conduct.look(scene)).tolist()
         row: dict[str, object] = {
             "time_s": scene.time_s,
-            "x_m": ego.x,
-            "y_m": ego.y,
+            "x_m": x,
+            "y_m": y,
             "heading_rad": ego.psi,
             "speed_mps": ego.v,
             "route_s_m": scene.ego_s,

@@ -1,7 +1,9 @@
 """Real episodes: what a record says of them, that they repeat, and films and traces of them."""
 
+import copy
 import csv
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -192,3 +194,20 @@ def test_a_film_of_a_long_episode_has_fewer_frames_a_second(episode, monkeypatch
     ((frames, _, told),) = saved
     assert [int(one[0, 0, 0]) for one in frames] == drawn
     assert told == pytest.approx(rate)
+
+
+def test_places_in_a_trace_count_from_the_junctions_centre_as_in_scenario_files(episode, tmp_path):
+    """Not from the origin of the network's file, which may be anywhere."""
+    elsewhere, there = Trace(), []
+
+    def watch(scene, decision, result):
+        network = copy.copy(scene.network)
+        network.center = np.array([7.0, -2.0])
+        elsewhere.watch(replace(scene, network=network), decision, result)
+        there.append((scene.ego.x - 7.0, scene.ego.y + 2.0))
+
+    run_episode(episode, load_scenario("random_destination").plan(2), make_agent("follower"), watch=watch)
+    elsewhere.save(tmp_path / "steps.csv")
+    with (tmp_path / "steps.csv").open(newline="") as file:
+        rows = [(float(row["x_m"]), float(row["y_m"])) for row in csv.DictReader(file)]
+    np.testing.assert_allclose(rows, there, atol=1e-5)
