@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from rudc.drawing.view import View
     from rudc.scenario import Scenario
 
+DISTRIBUTIONS = (
+    "A number may be drawn: {uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}}, "
+    "{choice: [a, b]} or {choice: {values: [a, b], weights: [1, 3]}}; so may words whose type says so."
+)
+DRAWN = "distribution", "uniform", "normal", "choice", "values", "weights"
+"""words that are explained by DISTRIBUTIONS"""
+
 app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check and draw them.")
 
 
@@ -104,21 +111,21 @@ def show(
 def keys(
     topic: Annotated[
         str | None,
-        typer.Argument(metavar="[KIND]", help="A kind of event, `events`, `when`, or a part: `traffic.idm`."),
+        typer.Argument(
+            metavar="[KIND]", help="A kind of event, `events`, `when`, or any key: `traffic.idm`."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """What may stand in a scenario file: every key, its type, unit and default, and what it means.
-
-    Wherever a number stands, a distribution may: `{uniform: [low, high]}`, `{normal: {mean: m, std: s,
-    low: l, high: h}}` or `{choice: [a, b]}`; `{choice: [...]}` may stand for some words, too.
+    """What may stand in a scenario file: every key, its type, unit and default, and what it means. Of any
+    word in it, such as `duration`, where it may stand.
 
     **Example**: `rudc scenario keys hard_brake`
     """
     from rudc.scenario.keys import sections
 
     with broken_left_out():
-        found = sections(topic)
+        found = [] if topic in DRAWN else sections(topic)
     if as_json:
         print_json([asdict(section) for section in found])
         return
@@ -126,6 +133,7 @@ def keys(
         console().print(f"{chr(10) * bool(k)}{section.name}: {section.text}", markup=False)
         rows = [[key.name, key.type, key.unit, key.default, key.text] for key in section.keys]
         print_table(["key", "type", "unit", "default", "meaning"], rows)
+    (note if found else typer.echo)(DISTRIBUTIONS)
 
 
 @app.command()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
@@ -12,7 +12,7 @@ import yaml
 from pydantic.fields import FieldInfo
 
 from rudc.errors import InputError
-from rudc.hints import there_are
+from rudc.hints import did_you_mean
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Bounds, Distribution
 from rudc.scenario.events import EVENT_KINDS, Event
@@ -47,7 +47,8 @@ class Section:
 
 def sections(topic: str | None = None) -> list[Section]:
     """All sections, or the one of an event's kind, of `when`, or of a part of the file by its (dotted) key;
-    of `events` those of all kinds.
+    of `events` those of all kinds. Of any other key, such as `duration` or `accident.vehicles`, what is said
+    of it and of the keys in it, wherever it may stand.
 
     Raises InputError for an unknown topic.
     """
@@ -58,9 +59,33 @@ def sections(topic: str | None = None) -> list[Section]:
         return [whole[kind] for kind in EVENT_KINDS]
     known = {**whole, **_parts()}
     last = {name.rpartition(".")[2]: name for name in reversed(known)}
-    if topic not in known and topic not in last:
-        raise InputError(f"no part of a scenario is called {topic!r}{there_are(topic, last)}")
-    return [known[topic if topic in known else last[topic]]]
+    if topic in known or topic in last:
+        return [known[topic if topic in known else last[topic]]]
+    if found := _with_key(whole, topic):
+        return found
+    words = {word for section in whole.values() for key in section.keys for word in _path(key)}
+    raise InputError(
+        f"nothing in a scenario is called {topic!r}{did_you_mean(topic, sorted({*last, *words}))}; there are "
+        f"{', '.join(sorted(last))}, and their keys"
+    )
+
+
+def _with_key(whole: Mapping[str, Section], topic: str) -> list[Section]:
+    """The sections with those of their keys only that are, or are in, the key that the topic names; its first
+    word may be a section's name."""
+    first, _, rest = topic.partition(".")
+    among, wanted = ([whole[first]], rest) if rest and first in whole else (list(whole.values()), topic)
+    found = [
+        replace(
+            section, keys=tuple(key for key in section.keys if f".{wanted}." in f".{'.'.join(_path(key))}.")
+        )
+        for section in among
+    ]
+    return [section for section in found if section.keys]
+
+
+def _path(key: Key) -> list[str]:
+    return key.name.replace("[]", "").split(".")
 
 
 def _models() -> dict[str, type[FileModel]]:

@@ -75,8 +75,27 @@ def test_defaults_are_those_of_a_file_that_says_nothing(tmp_path):
 
 def test_a_part_by_its_key_or_its_last_word():
     assert sections("idm") == sections("traffic.idm")
-    with pytest.raises(InputError, match=r"no part of a scenario is called 'hard_brak'.*'hard_brake'"):
+    with pytest.raises(InputError, match=r"nothing in a scenario is called 'hard_brak'.*'hard_brake'"):
         sections("hard_brak")
+
+
+def test_any_other_key_wherever_it_may_stand():
+    assert [(section.name, [key.name for key in section.keys]) for section in sections("pause")] == [
+        (kind, ["pause", "pause.after", "pause.duration"])
+        for kind in EVENT_KINDS
+        if kind in ("pedestrian_crossing", "vehicle_crossing")
+    ]
+    (accident,) = sections("accident.vehicles")
+    assert {key.name.partition("[]")[0] for key in accident.keys} == {"vehicles"}
+    assert len(accident.keys) > 5
+    lasting = {section.name for section in sections("duration")}
+    assert lasting == {
+        kind for kind in EVENT_KINDS if any("duration" in key.name for key in sections(kind)[0].keys)
+    }
+    with pytest.raises(InputError, match=r"'accident.pause'"):
+        sections("accident.pause")
+    with pytest.raises(InputError, match=r"'paus' \(did you mean 'pause'\?\)"):
+        sections("paus")
 
 
 def test_the_mix_says_how_long_each_type_is():
