@@ -122,21 +122,25 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str) -> s
         case "finite_number":
             return f"expected a finite number, got {value}"
         case "string_type":
-            return f"expected text{context.get('form', '')}, got {got(value)}"
+            return f"expected text{context.get('form', '')}, got {got(value)}{_not_drawn(value, context)}"
         case "string_too_short":
             return "must not be empty"
         case "literal_error":
             options = re.findall(r"'([^']*)'", context["expected"])
             near = did_you_mean(value, options) if isinstance(value, str) else ""
-            drawn = isinstance(value, Mapping) and set(value) <= {"uniform", "normal", "choice"}
-            form = context.get("form", "")
-            why = "; a distribution may stand where a number does" if value and drawn and not form else ""
+            form, why = context.get("form", ""), _not_drawn(value, context)
             return f"expected one of {', '.join(options)}{form}; got {got(value)}{near}{why}"
         case "tuple_type" | "list_type":
             return f"expected a list, got {got(value)}"
         case "too_long":
             return f"expected {context['max_length']} values, got {context['actual_length']}"
     return message
+
+
+def _not_drawn(value: Any, context: Mapping[str, Any]) -> str:
+    """What there is instead, where a distribution stands for a word that cannot be drawn; else nothing."""
+    drawn = isinstance(value, Mapping) and value and set(value) <= {"uniform", "normal", "choice"}
+    return "; this cannot be drawn, but `sweep` takes several" if drawn and "form" not in context else ""
 
 
 def _unknown(detail: ErrorDetails, model: type[FileModel]) -> str:
