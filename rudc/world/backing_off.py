@@ -3,8 +3,8 @@
 If two vehicles have stopped in each other's way, each waits for the other. Neither the ego's plant nor SUMO
 has a reverse gear, so they would stand for good; real drivers go back. Once the ego has stood for STOOD_S,
 an SV that stands in the ego's way, and whose own way the ego bars, goes back along its lane at PACE m/s. It
-stops as soon as ROOM m are free between it and the ego's way. It does not go behind its stop line, and keeps
-CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S at most. It does so once.
+stops as soon as ROOM m are free between it and the ego's way. From the junction it does not go back over its
+stop line, and it keeps CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S at most. It does so once.
 
 SUMO has no negative speed, so in the meantime the scene says that it stands.
 """
@@ -130,10 +130,10 @@ def _place(scene: Scene, i: int, s: float) -> tuple[float, float, float]:
 
 
 def _may_be_at(scene: Scene, i: int, s: float) -> bool:
-    """Whether the SV of row i may go back to s m on its way: that is not behind its stop line, and nearer to
-    nobody than CLEAR_M or than it is now."""
+    """Whether the SV of row i may go back to s m on its way: its front does not cross its stop line, and it
+    is nearer to nobody than CLEAR_M or than it is now."""
     ego, body, (length, width) = scene.ego, scene.vehicle, scene.size[i].tolist()
-    if s + 0.5 * length < scene.network.paths.stop_s[scene.path[i]]:
+    if s + 0.5 * length < scene.network.paths.stop_s[scene.path[i]] <= scene.path_s[i] + 0.5 * length:
         return False
     others = np.arange(scene.count) != i
     position = np.vstack([scene.position[others], (ego.x, ego.y)])

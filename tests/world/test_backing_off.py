@@ -92,6 +92,23 @@ def test_whom_an_event_commands_stays(nose_to_nose, overridden):
     assert bool(asked.places) == (not overridden)
 
 
+@pytest.mark.parametrize(("from_line", "goes"), [(-12.0, True), (-4.0, True), (0.02, False)])
+def test_who_has_not_reached_its_stop_line_goes_back_too_but_nobody_goes_back_over_it(
+    make_scene, four_way, from_line, goes
+):
+    """The ego, which overtakes on the lane of oncoming traffic, stands before its nose."""
+    route, row = four_way.route("south", "straight"), four_way.route("north", "straight").row
+    them = {"row": row, "s": float(four_way.paths.stop_s[row]) + from_line - 2.5, "v": 0.0}
+    scene = make_scene(them, front=30.0, v=0.0, waited_s=STOOD_S)
+    psi, away = float(scene.heading[0]), 6.0
+    x, y = scene.position[0] + away * np.array([math.cos(psi), math.sin(psi)])
+    ego_s, offset = route.path.project(float(x), float(y), route.exit_s)
+    ego = replace(scene.ego, x=float(x), y=float(y), psi=psi + math.pi)
+    one, asked = backing()
+    one.step(replace(scene, ego=ego, ego_s=ego_s, ego_offset=offset), DECISION_S)
+    assert bool(asked.places) == goes
+
+
 def test_nobody_goes_back_into_who_is_behind(nose_to_nose):
     scene = nose_to_nose()
     (x, y), psi, length = scene.position[0], scene.heading[0], scene.size[0, 0]
