@@ -32,7 +32,7 @@ from rudc.agents.hidden import ready_for_unseen, ready_to_wait_for_unseen, ready
 from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.not_yielding import ready_for_not_yielding
-from rudc.agents.runners import ready_for_next_runners, ready_for_runners
+from rudc.agents.runners import ready_for_next_runners, ready_for_runners, ready_for_setting_off
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
 from rudc.settings import Settings
@@ -109,7 +109,7 @@ class Outlook:
         if self._approach and not onwards:
             u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
             u = ready_to_wait_for_unseen(scene, ready_for_unseen(scene, ready_to_follow(scene, u)))
-            u = ready_for_next_runners(scene, ready_for_runners(scene, u))
+            u = ready_for_next_runners(scene, ready_for_runners(scene, ready_for_setting_off(scene, u)))
             u = ready_for_crossers(scene, ready_while_blind(scene, u) if self.memory.blind else u)
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))

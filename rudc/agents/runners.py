@@ -10,6 +10,9 @@ The ego must either be past that place before it does, or be able to stop before
 
     (way to the place) / v <= t      or      v^2 <= max(2 b (way to the place), CREEP^2)
 
+The same holds for a pedestrian who stands beside the ego's way, up to ASIDE m from its side, and faces it, as
+one who has stopped half-way over the road.
+
 Who ran out may be followed by others. So where somebody crosses the ego's way and, TRAIL_S ago or less, was
 where the ego does not see now, the ego must be past with its whole length before another one who comes from
 there at the same speed is at its side, or stop before their way.
@@ -26,7 +29,7 @@ from rudc.agents.kernels import nearest_hidden
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, slowing
 from rudc.world.perception import in_sight
-from rudc.world.scene import STANDING, Scene
+from rudc.world.scene import STANDING, Kind, Scene
 
 RUNS = 3.0
 """m/s, a jogger"""
@@ -60,6 +63,28 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
         return u
     room = float(way[late[0]]) - BEFORE
     return at_most(u, slowing(scene, room, CREEP, braking))
+
+
+def ready_for_setting_off(scene: Scene, u: Array) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego is past each pedestrian
+    who stands beside its way and faces it before they, setting off now, are at its side, or can still stop.
+    """
+    who = np.flatnonzero((scene.kind == Kind.PEDESTRIAN) & (scene.speed <= STANDING))
+    if scene.ego.v <= CREEP or not len(who):
+        return u
+    body, braking = scene.vehicle, PLANNED * -scene.vehicle.a_min
+    way = np.arange(FINE, look_ahead(scene, AHEAD, braking), FINE)
+    x, y, psi = scene.route.path.pose(scene.front_s + way)
+    for i in who.tolist():
+        cos, sin = math.cos(scene.heading[i]), math.sin(scene.heading[i])
+        east, north = x - scene.position[i, 0], y - scene.position[i, 1]
+        run = east * cos + north * sin - 0.5 * (body.width + scene.size[i, 0])
+        meets = np.abs(north * cos - east * sin) <= 0.5 * scene.size[i, 1] + FINE
+        meets &= np.abs(np.cos(psi) * sin - np.sin(psi) * cos) > ACROSS
+        late = meets & (run >= 0.0) & (run <= ASIDE[-1]) & (way > scene.ego.v * run / RUNS)
+        if late.any():
+            u = at_most(u, slowing(scene, float(way[late.argmax()]) - BEFORE, CREEP, braking))
+    return u
 
 
 def ready_for_next_runners(scene: Scene, u: Array) -> Array:

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from rudc.agents.hidden import CREEP
-from rudc.agents.runners import RUNS, TRAIL_S, ready_for_next_runners, ready_for_runners
+from rudc.agents.runners import (
+    RUNS,
+    TRAIL_S,
+    ready_for_next_runners,
+    ready_for_runners,
+    ready_for_setting_off,
+)
 from rudc.vehicle import Actuation
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Kind
@@ -25,13 +31,13 @@ def beside_a_wall(scene, aside, end=END):
     return replace(scene, hidden_by=np.array([wall]))
 
 
-def drive(scene):
+def drive(scene, ready=ready_for_runners):
     """Speeds (m/s) and ways (m) of an ego that accelerates as it may, for 5 s."""
     plant, path = EgoPlant(scene.vehicle), scene.route.path
     plant.resume(scene.ego, Actuation())
     speeds, ways = [], []
     for _ in range(50):
-        u = ready_for_runners(scene, FULL)
+        u = ready(scene, FULL)
         ego = plant.step(float(u[0]), 0.0, 0.1)
         s, offset = path.project(ego.x, ego.y, scene.ego_s)
         scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset)
@@ -80,6 +86,47 @@ def test_nobody_runs_through_the_wall_itself(make_scene):
     endless = scene.hidden_by.copy()
     endless[0, 3] = 400.0
     assert ready_for_runners(replace(scene, hidden_by=endless), FULL) is FULL
+
+
+def one_stands(make_scene, aside, ahead=20.0, heading=np.pi, **changes):
+    """Somebody stands to the right of the ego's way, `aside` m from its side."""
+    them = {"at": (0.0, 0.0, 0.0), "v": 0.0, "kind": Kind.PEDESTRIAN, "size": (0.5, 0.5), **changes}
+    scene = make_scene(them, front=-40.0, v=9.0)
+    ego = scene.ego
+    place = ego.x + 0.5 * scene.vehicle.width + aside + 0.25, ego.y + 0.5 * scene.vehicle.length + ahead
+    return replace(scene, position=np.array([place]), heading=np.array([heading]))
+
+
+@pytest.mark.parametrize("aside", [0.3, 1.0, 2.0, 2.9])
+def test_it_can_stop_for_who_stands_half_way_over_the_road_or_is_past_before_they_set_off(make_scene, aside):
+    """At 9 m/s it drove past somebody who stood 2 m beside its way, and set off as it came."""
+    scene = one_stands(make_scene, aside)
+    speeds, ways = drive(scene, ready_for_setting_off)
+    room = scene.ego_s + 20.0 - ways
+    for v, way in zip(speeds[room > 0.0], room[room > 0.0], strict=True):
+        passes = way / v <= aside / RUNS + 1e-6
+        assert passes or v <= CREEP + 0.1 or v * v / (2 * 6.0) <= way
+    assert CREEP - 0.1 <= speeds.min() < 8.0
+    assert speeds[-1] > speeds.min() + 2.0, "then it goes on"
+
+
+@pytest.mark.parametrize(
+    ("why", "changes"),
+    [
+        ("far from its way", {"aside": 3.4}),
+        ("facing away from it", {"aside": 1.0, "heading": 0.0}),
+        ("facing along it", {"aside": 1.0, "heading": 0.5 * np.pi}),
+        ("no pedestrian", {"aside": 1.0, "kind": Kind.OBSTACLE}),
+        ("behind its front", {"aside": 1.0, "ahead": -1.0}),
+        ("walking, and looked at by others", {"aside": 1.0, "v": 1.0}),
+    ],
+)
+def test_it_does_not_slow_down_for_who_stands(make_scene, why, changes):
+    for ahead in (4.0, 9.0):
+        scene = one_stands(make_scene, **{"ahead": ahead, **changes})
+        assert ready_for_setting_off(scene, FULL) is FULL, why
+        if why == "far from its way":
+            assert ready_for_setting_off(one_stands(make_scene, 1.0, ahead), FULL)[0] < 0.0
 
 
 CROSSING = 12.0
