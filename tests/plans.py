@@ -74,6 +74,6 @@ class PlanSource:
             events=self.events,
             timeout_s=self.timeout_s,
             event_numbers=tuple(range(1, len(self.events) + 1)),
-            scripted=tuple(event.kind for event in self.events),
+            scripted=self.events,
             source=self,  # pyright: ignore[reportArgumentType] - it stands in for a scenario
         )

@@ -60,6 +60,8 @@ class Firing:
     nearest_m: dict[int, float] = field(default_factory=dict)
     """seed -> m, least gap between the ego and those on whom it acts or whom it puts on the road, while it is
     in effect"""
+    name: str | None = None
+    """its name in the file, if it has one"""
 
     @property
     def fired(self) -> int:
@@ -78,7 +80,7 @@ class Firing:
         why = ", or, ".join(reasons)
         early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}{self._near}"
-        return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
+        return f"event {numbered(self.number, self)}: {happens}{rest}{seen}{early}"
 
     @property
     def _times(self) -> str:
@@ -152,7 +154,9 @@ class Tried(NamedTuple):
 def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     """Drive the seeds' episodes with `planner`; count how they end, and how often each event happens."""
     ended: dict[str, list[int]] = {}
-    found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
+    found = [
+        Firing(number, event.kind, name=event.name) for number, event in enumerate(scenario.events, start=1)
+    ]
     wrong: list[str] = []
     hits: dict[int, Hit] = {}
     waiting = deque(seeds)

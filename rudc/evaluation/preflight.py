@@ -114,7 +114,7 @@ def _in_vain(scenario: Scenario) -> Iterator[str]:
             *_endless(scenario, number - 1),
             *_passed(scenario, event.when),
         ):
-            yield f"event {numbered(number, event.kind)} can never happen: {why}"
+            yield f"event {numbered(number, event)} can never happen: {why}"
 
 
 def _passed(scenario: Scenario, when: Trigger) -> Iterator[str]:
@@ -151,7 +151,7 @@ def _nobody(scenario: Scenario) -> Iterator[str]:
     for number, event in enumerate(scenario.events, start=1):
         for who in sorted(selected([event]) & missing.keys()):
             yield (
-                f"event {numbered(number, event.kind)} can never happen: no arm lies {missing[who]}, from "
+                f"event {numbered(number, event)} can never happen: no arm lies {missing[who]}, from "
                 f"which a vehicle ({who}) would come"
             )
 
@@ -180,7 +180,7 @@ def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:
     effect = effect_of(awaited, awaited.kind)
     others = [event.kind for i, event in enumerate(scenario.events) if i not in (k, waiting)]
     if effect.is_endless and not (effect.replaceable and awaited.kind in others):
-        yield f"it waits for the end of event {numbered(k + 1, awaited.kind)}, which has no duration"
+        yield f"it waits for the end of event {numbered(k + 1, awaited)}, which has no duration"
 
 
 def _never(when: Trigger, end: float) -> Iterator[str]:
@@ -251,7 +251,7 @@ def _beyond(scenario: Scenario) -> Iterator[str]:
             in_exit = all(name.startswith("ego_out") for name in names)
             if in_exit and (at := likely(placed.at)[0]) > end + EgoVehicle().length:
                 yield (
-                    f"event {numbered(number, event.kind)}: the ego never comes to {key or 'it'}, {at:g} m "
+                    f"event {numbered(number, event)}: the ego never comes to {key or 'it'}, {at:g} m "
                     f"along its exit, since it arrives {end:g} m along it (ego.destination)"
                 )
 
@@ -271,7 +271,7 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
             way += 0.5 * length + beyond_way(length)
         if after >= way:
             yield (
-                f"event {numbered(number, event.kind)}: its pause begins after {after:g} m (pause.after), "
+                f"event {numbered(number, event)}: its pause begins after {after:g} m (pause.after), "
                 f"and those who cross have arrived after {way:.1f} m"
             )
 

@@ -280,7 +280,7 @@ def _blinks(network: Network, turn: str, stop_m: float, exit_m: float) -> list[A
 def _absent(plan: EpisodePlan) -> list[dict[str, Any]]:
     """Events of the scenario's file that are no part of the episode."""
     scripted = enumerate(plan.scripted, start=1)
-    return [{"number": k, "kind": kind} for k, kind in scripted if k not in plan.event_numbers]
+    return [{"number": k, "kind": event.kind} for k, event in scripted if k not in plan.event_numbers]
 
 
 def _series(truth: Scene, decision: Decision, result: StepResult) -> dict[str, float]:

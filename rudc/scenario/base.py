@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, NoReturn, Self, get_args
+from typing import Annotated, Any, NoReturn, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -17,6 +17,8 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import ErrorType
+
+T = TypeVar("T")
 
 ERROR_TYPES = frozenset(get_args(ErrorType))
 """kinds of error that are pydantic's own"""
@@ -37,16 +39,21 @@ class FileModel(BaseModel, frozen=True):
     @model_validator(mode="wrap")
     @classmethod
     def _every_problem(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        # Checked beside the fields, not after them: a file's problems come all at once.
         misfits = list(cls.misfits(data)) if isinstance(data, Mapping) else []
-        if not misfits:
-            return handler(data)
-        problems = [_detail(message, () if key is None else (key,), data) for message, key in misfits]
-        try:
-            handler(data)
-        except ValidationError as error:
-            problems = [*(again(known) for known in error.errors(include_url=False)), *problems]
-        raise ValidationError.from_exception_data(cls.__name__, problems)
+        problems = [detail(m, () if key is None else (key,), data, on_key=True) for m, key in misfits]
+        return checked_beside(problems, data, handler, cls.__name__)
+
+
+def checked_beside(problems: list[InitErrorDetails], data: Any, handler: Callable[[Any], T], title: str) -> T:
+    """What the handler makes of the data. If there are problems already: raises ValidationError with these
+    and those that the handler finds, since a file's problems come all at once."""
+    if not problems:
+        return handler(data)
+    try:
+        handler(data)
+    except ValidationError as error:
+        problems = [*(again(known) for known in error.errors(include_url=False)), *problems]
+    raise ValidationError.from_exception_data(title, problems)
 
 
 def parts_of(value: Any) -> list[tuple[str | int, Any]]:
@@ -83,8 +90,9 @@ def refuse(message: str, *at: str | int) -> NoReturn:
     raise refusal(message, *at)
 
 
-def _detail(message: str, loc: tuple[str | int, ...], data: Any) -> InitErrorDetails:
-    return InitErrorDetails(type=refusal(message, *loc, on_key=True), loc=(), input=data)
+def detail(message: str, at: tuple[str | int, ...], data: Any, *, on_key: bool = False) -> InitErrorDetails:
+    """A `refusal` to be reported beside others."""
+    return InitErrorDetails(type=refusal(message, *at, on_key=on_key), loc=(), input=data)
 
 
 def again(error: ErrorDetails, *before: str | int) -> InitErrorDetails:

@@ -17,7 +17,7 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Bounds, Distribution
 from rudc.scenario.events import EVENT_KINDS, Event
 from rudc.scenario.model import Scenario
-from rudc.scenario.triggers import Trigger
+from rudc.scenario.triggers import OrName, Trigger
 from rudc.scenario.units import bounds_of, may_be_chosen, unit_of
 
 
@@ -141,7 +141,8 @@ def _type(field: FieldInfo) -> str:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
         if _is_dict(field.annotation):
             return f"mapping, each {numbers}"
-        return f"[number, number], {numbers}" if len(bounds) == 2 else numbers
+        name = " | name" if any(isinstance(mark, OrName) for mark in field.metadata) else ""
+        return f"[number, number], {numbers}" if len(bounds) == 2 else numbers + name
     words = ["true", "false"] if field.annotation is bool else _words(field.annotation)
     chosen = " | {choice: ...}" if may_be_chosen(field) else ""
     if words:

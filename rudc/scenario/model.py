@@ -16,11 +16,21 @@ from typing import Annotated, Any
 
 import numpy as np
 import yaml
-from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationError
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+from pydantic_core import InitErrorDetails
 
 from rudc.errors import InputError, ScenarioError
-from rudc.scenario.base import FileModel, Identifier, NonEmpty, refuse
-from rudc.scenario.dotted import DottedKeyError, dotted, with_value
+from rudc.hints import there_are
+from rudc.scenario.base import FileModel, Identifier, NonEmpty, checked_beside, detail, refuse
+from rudc.scenario.dotted import DottedKeyError, dotted, value_at, with_value
 from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.networks import existing_network, is_network_path
 from rudc.scenario.plan import EpisodePlan
@@ -50,6 +60,28 @@ def _scalar(value: Any) -> Any:
     if not isinstance(value, Scalar):
         refuse("a swept value is a number, a name, true or false")
     return value
+
+
+def _by_number(events: Any, handler: ValidatorFunctionWrapHandler) -> tuple[Event, ...]:
+    """The events of a file, in which each that waits for another by its name has that one's number."""
+    if not isinstance(events, list | tuple):
+        return handler(events)
+    keys = "when", "event_state", "event"
+    numbers, found, problems = dict[str, int](), list[Any](), list[InitErrorDetails]()
+    for k, event in enumerate(events):
+        found.append(event)
+        given = event if isinstance(event, dict) else {"name": getattr(event, "name", None)}
+        if isinstance(called := value_at(given, ".".join(keys)), str):
+            if called not in numbers:
+                known = there_are(called, numbers) if numbers else "; none has a name"
+                message = f"no event before this one is called {called!r}{known}"
+                problems.append(detail(message, (k, *keys), events))
+            found[k], _ = with_value(given, ".".join(keys), numbers.get(called, 0))
+        if isinstance(name := given.get("name"), str):
+            if name in numbers:
+                problems.append(detail(f"event {numbers[name]} is called {name!r}, too", (k, "name"), events))
+            numbers[name] = k
+    return checked_beside(problems, found, handler, "events")
 
 
 def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
@@ -111,7 +143,10 @@ class Scenario(FileModel, frozen=True):
     """the ego's task and start"""
     traffic: Traffic = Traffic()
     """surrounding vehicles"""
-    events: Annotated[tuple[AnyEvent, ...], AfterValidator(_in_order), AfterValidator(_of_a_vehicle)] = ()
+    events: Annotated[
+        tuple[AnyEvent, ...],
+        AfterValidator(_in_order), AfterValidator(_of_a_vehicle), WrapValidator(_by_number),
+    ] = ()  # fmt: skip
     """what happens besides ordinary traffic"""
     episode: Episode = Episode()
     """when it ends by itself"""
@@ -221,6 +256,6 @@ class Scenario(FileModel, frozen=True):
             events=tuple(event for event in drawn if event is not None),
             timeout_s=self.episode.timeout.sample(generator(_EPISODE)),
             event_numbers=tuple(k for k, event in enumerate(drawn, start=1) if event is not None),
-            scripted=tuple(event.kind for event in self.events),
+            scripted=self.events,
             source=self,
         )

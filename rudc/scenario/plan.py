@@ -93,8 +93,8 @@ class EpisodePlan:
     timeout_s: float
     event_numbers: tuple[int, ...]
     """place of each of `events` in the scenario's file, from 1"""
-    scripted: tuple[str, ...] = ()
-    """kinds of all events in the scenario's file, those that are absent from this episode included"""
+    scripted: tuple[Event, ...] = ()
+    """all events as they stand in the scenario's file, those that are absent from this episode included"""
     source: Drawable | None = field(default=None, repr=False, compare=False)
     """what it was drawn from"""
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import model_validator
+from pydantic import GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
 
 from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
@@ -127,11 +128,22 @@ class TimeToCollision(TimeThreshold, frozen=True):
     """towards which vehicle"""
 
 
+class OrName:
+    """Marks the number of an event, for which a file may give the event's name. `Scenario` puts the number in
+    its place."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [handler(schema), {"type": "string", "minLength": 1}]}
+
+
 class EventState(TimeThreshold, frozen=True):
     """The time in s since an earlier event of the file began, or since it was over."""
 
-    event: Annotated[AnyDistribution, Bounds(0, 999, whole=True)]
-    """which event: one that stands before this in the file; the first is 0, as in the key events.0"""
+    event: Annotated[AnyDistribution, Bounds(0, 999, whole=True), OrName()]
+    """which event, by its `name` or its number: one that stands before this in the file; the first is 0, as
+    in the key events.0"""
     state: Literal["begun", "over"] = "begun"
     """whether the time counts from its begin or from its end; never, if it does not happen or does not end"""
     above: Second | None = Constant(value=0.0)

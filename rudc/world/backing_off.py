@@ -4,7 +4,8 @@ If two vehicles have stopped in each other's way, each waits for the other. Neit
 has a reverse gear, so they would stand for good; real drivers go back. Once the ego has stood for STOOD_S,
 an SV that stands in the ego's way, and whose own way the ego bars, goes back along its lane at PACE m/s. It
 stops as soon as ROOM m are free between it and the ego's way. From the junction it does not go back over its
-stop line, and it keeps CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S at most. It does so once.
+stop line, and it keeps CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S
+at most. It does so once.
 
 SUMO has no negative speed, so in the meantime the scene says that it stands.
 """

@@ -8,13 +8,15 @@ episode follow from that.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Annotated, Generic, TypeVar
 
 import numpy as np
+from pydantic import AfterValidator
 
-from rudc.scenario.base import FileModel
+from rudc.scenario.base import FileModel, NonEmpty, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Distribution, draw
 from rudc.scenario.events.stage import Stage, Thing
 from rudc.scenario.triggers import Selector, Trigger, awaited
@@ -33,11 +35,19 @@ WAITS_S = 20.0
 """s that an event waits, at most, while somebody is where its things would stand, or cannot stop before"""
 
 
+def _plain(name: str) -> str:
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name) is None:
+        refuse(f"expected a name of letters, digits, '_' and '-' that begins with a letter; got {name!r}")
+    return name
+
+
 class Event(FileModel, frozen=True):
     """Something that happens in an episode: what a file says of it."""
 
     kind: str
     """which kind of event"""
+    name: Annotated[NonEmpty, AfterValidator(_plain)] | None = None
+    """a name of its own, by which `event_state` may call it; by default only its number in the file"""
     when: Trigger | None = None
     """conditions that must all hold for it to happen, once; without them it happens at the start"""
 

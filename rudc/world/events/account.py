@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from rudc.scenario.plan import EpisodePlan
@@ -14,19 +14,35 @@ def event_lines(plan: EpisodePlan, happenings: Sequence[Happening]) -> list[str]
     """`2 (events.1) hard_brake: not there, ...`, a line for each event of the scenario's file."""
     pairs = zip(plan.event_numbers, happenings, strict=True)
     lines = {number: _line(number, happening) for number, happening in pairs}
-    for number, kind in enumerate(plan.scripted, start=1):
+    for number, event in enumerate(plan.scripted, start=1):
         if number not in lines:
-            lines[number] = f"{numbered(number, kind)}: not in this episode, its probability decided so"
+            lines[number] = f"{numbered(number, event)}: not in this episode, its probability decided so"
     return [lines[number] for number in sorted(lines)]
 
 
-def numbered(number: int, kind: str) -> str:
-    """`2 (events.1) hard_brake`: an event's number as pictures show it, its key in the file, and its kind."""
-    return f"{number} (events.{number - 1}) {kind}"
+class Called(Protocol):
+    """What has the kind of an event and, if it has one, its name."""
+
+    @property
+    def kind(self) -> str:
+        """Which kind of event."""
+        ...
+
+    @property
+    def name(self) -> str | None:
+        """Its name in the file."""
+        ...
+
+
+def numbered(number: int, event: Called) -> str:
+    """`2 (events.1, lorry) hard_brake`: an event's number as pictures show it, its key in the file, its name
+    if it has one, and its kind."""
+    called = f", {event.name}" if event.name else ""
+    return f"{number} (events.{number - 1}{called}) {event.kind}"
 
 
 def _line(number: int, happening: Happening) -> str:
-    head = numbered(number, happening.event.kind)
+    head = numbered(number, happening.event)
     if happening.begun_s is None:
         return f"{head}: not there, it waits for {_awaited(happening)}"
     since = f"began at {happening.begun_s:.1f} s" if happening.begun_s > 0 else "from the start"

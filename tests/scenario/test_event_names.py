@@ -1,0 +1,67 @@
+"""Events that are called by their names."""
+
+import pytest
+
+from tests.scenario.test_errors import check, problems
+from tests.scenario.test_json_schema import SCHEMA, valid
+from tests.scenario.test_plan import scenario
+
+__all__ = ["problems"]
+
+LORRY = {"kind": "accident", "vehicles": [{"lane": "east_out_1", "at": 12}], "duration": 5}
+
+
+def waiting(event: object, **more: object) -> dict[str, object]:
+    return {
+        "kind": "low_friction",
+        "friction": 0.5,
+        "when": {"event_state": {"event": event, "state": "over"}},
+        **more,
+    }
+
+
+def test_a_name_stands_for_the_number_whatever_is_put_before():
+    named = scenario(events=[{**LORRY, "name": "lorry"}, waiting("lorry")])
+    numbered = scenario(events=[LORRY, waiting(0)])
+    assert named.events[1] == numbered.events[1]
+    assert [event.name for event in named.events] == ["lorry", None]
+    assert "name" not in numbered.data()["events"][0]
+    later = scenario(events=[{"kind": "hard_brake"}, {**LORRY, "name": "lorry"}, waiting("lorry")])
+    assert float(later.events[2].when.event_state.event) == 1.0
+    assert scenario(**named.data()) == named
+    assert named.plan(3).events[1] == numbered.plan(3).events[1]
+
+
+def test_a_name_may_be_swept():
+    names = {"events.2.when.event_state.event": ["a", "b"]}
+    both = scenario(events=[{**LORRY, "name": "a"}, {**LORRY, "name": "b"}, waiting("a")], sweep=names)
+    assert [float(one.events[2].when.event_state.event) for _, one in both.grid()] == [0.0, 1.0]
+
+
+def test_every_problem_with_names_and_what_else_is_wrong(problems):
+    found = problems("""
+        name: wrong
+        events:
+          - {kind: hard_brake, name: lorry, when: {event_state: {event: van}}}
+          - {kind: hard_brake, name: lorry}
+          - {kind: hard_brake, name: 2nd, deceleration: hard}
+          - {kind: hard_brake, when: {event_state: {event: lory}}}
+          - {kind: hard_brake, when: {event_state: {event: later}}}
+          - {kind: hard_brake, name: later}
+        """)
+    check(
+        found,
+        "3:65: events.0.when.event_state.event: no event before this one is called 'van'; none has a name",
+        "4:30: events.1.name: event 0 is called 'lorry', too",
+        "5:30: events.2.name: expected a name of letters, ... that begins with a letter; got '2nd'",
+        "5:49: events.2.deceleration: expected a number in m/s2...",
+        "6:52: events.3.when.event_state.event: no event before ... 'lory' (did you mean 'lorry'?)...",
+        "7:52: events.4.when.event_state.event: no event before this one is called 'later'...",
+    )
+
+
+@pytest.mark.parametrize(
+    ("event", "fits"), [("lorry", True), (0, True), ({"choice": [0, 1]}, True), (True, False)]
+)
+def test_an_editor_takes_names(event, fits):
+    assert valid({"name": "s", "events": [{**LORRY, "name": "lorry"}, waiting(event)]}, SCHEMA) is fits
