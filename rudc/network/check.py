@@ -15,7 +15,7 @@ from rudc.network.network import Network, load_network
 from rudc.network.polyline import arc_length, beside, resample
 from rudc.network.road import Arm, Lane, Movement
 from rudc.network.route import Route
-from rudc.network.route_builder import fits
+from rudc.network.route_builder import room_on_road
 from rudc.network.tiles import SEAM
 
 SHORT_ARM = 60.0
@@ -251,13 +251,23 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
     way = f"the ego's path from {route.origin} to {route.destination}"
     radius, least = _least_radius(route), 1.0 / network.vehicle.tightest
     if radius < least:
-        yield f"{way} bends with a radius of {radius:.2f} m; its turning circle needs {least:.2f} m"
-    if not fits(network, route.path, network.vehicle, margin=0.0):
-        yield f"{way} leaves the road with a corner of the car"
+        place = _place(network, route, int(np.abs(route.path.curvature).argmax()))
+        yield f"{way} bends with a radius of {radius:.2f} m {place}; its turning circle needs {least:.2f} m"
+    room = room_on_road(network, route.path, network.vehicle)
+    if room.min() < 0.0:
+        yield f"{way} leaves the road with a corner of the car {_place(network, route, int(room.argmin()))}"
     edges, last = network.arm(route.destination).out_edges, network.paths.lane_ids[route.row][-1]
-    room = route.length - route.exit_s
-    if network.lanes[last].edge != edges[-1] and room < SHORT_WAY:
-        yield f"{way} ends with its lane {room:.0f} m beyond the junction; it arrives there at the latest"
+    left = route.length - route.exit_s
+    if network.lanes[last].edge != edges[-1] and left < SHORT_WAY:
+        yield f"{way} ends with its lane {left:.0f} m beyond the junction; it arrives there at the latest"
+
+
+def _place(network: Network, route: Route, k: int) -> str:
+    """`at [12, -3], 8 m before its stop line`: where place k of a route's path is, in m from the junction's
+    centre."""
+    x, y = (route.path.xy[k] - network.center).tolist()
+    beyond = float(route.path.s[k]) - route.stop_line_s
+    return f"at [{x:.0f}, {y:.0f}], {abs(beyond):.0f} m {'before' if beyond < 0 else 'beyond'} its stop line"
 
 
 def waiting_warnings(routes: list[Route]) -> Iterator[str]:

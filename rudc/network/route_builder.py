@@ -256,6 +256,12 @@ def _shift(p: Array, u: Array, q: Array, v: Array) -> Array:
 
 def fits(network: Layout, path: ReferencePath, vehicle: EgoVehicle, margin: float = 0.1) -> bool:
     """Whether a vehicle that follows the path keeps all of its body at least `margin` m on the road."""
+    return bool(room_on_road(network, path, vehicle).min() >= margin)
+
+
+def room_on_road(network: Layout, path: ReferencePath, vehicle: EgoVehicle) -> Array:
+    """(n,) m, least distance from a corner of a vehicle to the road's edge, at each place of the path that it
+    follows; negative beyond the edge."""
     xy, psi = path.body_pose(path.s, vehicle)
     size = np.broadcast_to([vehicle.length, vehicle.width], (len(xy), 2))
-    return bool(network.surface.signed_distance(rectangle_corners(xy, psi, size)).min() >= margin)
+    return network.surface.signed_distance(rectangle_corners(xy, psi, size)).min(axis=1)

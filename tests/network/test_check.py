@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,24 @@ def test_a_report_says_what_was_understood():
     assert left.least_radius_m == pytest.approx(10.5, rel=0.03)
     assert left.waiting_m > 7.0
     assert check_network("roundabout").kind == "roundabout"
+
+
+def test_a_bend_that_is_too_tight_is_shown():
+    """Its place counts from the junction's centre, as places in scenario files do."""
+    path = data_folder("results") / "held-out-28" / "networks" / "bent_priority" / "bent_priority.net.xml"
+    network = load_network(path)
+    route = network.route("northeast", "northwest")
+    assert np.hypot(*network.center) > 20.0
+    (found,) = [
+        text for text in check_network(path).warnings if f"from {route.origin} to northwest bends" in text
+    ]
+    x, y, away, where = re.fullmatch(
+        r".* m at \[(-?\d+), (-?\d+)\], (\d+) m (before|beyond) its .*", found
+    ).groups()
+    s = route.stop_line_s + (float(away) if where == "beyond" else -float(away))
+    assert np.hypot(*(np.array(route.path.pose(s)[:2]) - network.center - (float(x), float(y)))) < 1.5
+    k = np.abs(route.path.curvature).argmax()
+    assert route.path.s[k] == pytest.approx(s, abs=0.51)
 
 
 def test_an_arm_is_as_narrow_as_its_narrowest_part():
