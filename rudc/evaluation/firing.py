@@ -25,11 +25,10 @@ if TYPE_CHECKING:
     from rudc.env.episode import StepResult
     from rudc.scenario.model import Scenario
 
-EARLY = (
-    "its trigger did not come true before the episode ended, with planner driving, or there was "
-    "nobody for it to act on"
-)
+EARLY = "its trigger did not come true before the episode ended, with planner driving"
 """why an event may not happen"""
+NOBODY = "there was nobody for it to act on while its trigger held"
+"""why an event does not happen that acts on others"""
 NO_ROOM = "there was no room for it on the road"
 """why an event does not happen whose trigger holds, and which asks for room"""
 UNFOLLOWED = "the event that it waits for did not happen"
@@ -60,6 +59,8 @@ class Firing:
     nearest_m: dict[int, float] = field(default_factory=dict)
     """seed -> m, least gap between the ego and those on whom it acts or whom it puts on the road, while it is
     in effect"""
+    nobody: int = 0
+    """episodes in which its trigger held, but there was nobody for it to act on"""
     name: str | None = None
     """its name in the file, if it has one"""
 
@@ -72,7 +73,7 @@ class Firing:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego meets it in {self.seen}"
         others = self.drawn - self.fired
-        known = {NO_ROOM: self.no_room, UNFOLLOWED: self.unfollowed}
+        known = {NO_ROOM: self.no_room, UNFOLLOWED: self.unfollowed, NOBODY: self.nobody}
         reasons = [EARLY] if sum(known.values()) < others else []
         for reason, count in known.items():
             if count:
@@ -99,8 +100,13 @@ class Firing:
 
 def _span(values: Collection[float]) -> str:
     """`2.1 to 34`, or `2.1` where both are the same."""
-    first, last = (f"{value:.1f}" if value < 10.0 else f"{value:.0f}" for value in (min(values), max(values)))
+    first, last = (_rounded(value) for value in (min(values), max(values)))
     return first if first == last else f"{first} to {last}"
+
+
+def _rounded(value: float) -> str:
+    """In one digit after the point; small ones in two, large ones in none."""
+    return f"{value:.{2 if 0.0 < value < 0.1 else 1 if value < 10.0 else 0}f}"
 
 
 class Hit(NamedTuple):
@@ -174,20 +180,23 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                 ended.setdefault(record.outcome, []).append(seed)
                 if seen.hit:
                     hits[seed] = seen.hit
-                _count(found, world, seed)
+                _count(found, world, seed, seen.refused)
                 for number, gap in seen.gaps.items():
                     found[number - 1].nearest_m[seed] = gap
     return Tried(found, ended, wrong, hits)
 
 
 class _Seen:
-    """How near the ego comes, in one episode, to those on whom each event acts, and whom it hits."""
+    """How near the ego comes, in one episode, to those on whom each event acts, whom it hits, and which
+    events found nobody to act on."""
 
     def __init__(self, episode: Episode) -> None:
         self._episode = episode
         self.gaps: dict[int, float] = {}
         """number of an event -> m, least gap so far"""
         self.hit: Hit | None = None
+        self.refused: set[int] = set()
+        """numbers of the events whose trigger has held so far, and that found nobody to act on"""
 
     def look(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Look at the scene after a decision."""
@@ -197,6 +206,8 @@ class _Seen:
         ego, gaps = truth.ego, None
         for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
             rows = [i for i, name in enumerate(truth.ids) if name in happening.bodies]
+            if happening.refused and not happening.no_room:
+                self.refused.add(number)
             if happening.begun_s is None or happening.is_over or not rows:
                 continue
             if gaps is None:
@@ -205,8 +216,8 @@ class _Seen:
             self.gaps[number] = min(float(gaps[rows].min()), self.gaps.get(number, math.inf))
 
 
-def _count(found: list[Firing], world: World, seed: int) -> None:
-    """Add an episode that has been driven."""
+def _count(found: list[Firing], world: World, seed: int, refused: set[int]) -> None:
+    """Add an episode that has been driven, in which the `refused` events found nobody to act on at times."""
     for firing in found:
         firing.episodes += 1
     unfollowed = _unfollowed(world)
@@ -218,6 +229,8 @@ def _count(found: list[Firing], world: World, seed: int) -> None:
         firing.seen += happening.visible_s is not None
         firing.no_room += happening.no_room
         firing.unfollowed += number in unfollowed
+        waits = happening.begun_s is None and not happening.no_room and number not in unfollowed
+        firing.nobody += waits and number in refused
 
 
 def _unfollowed(world: World) -> set[int]:

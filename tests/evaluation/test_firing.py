@@ -81,7 +81,11 @@ def test_counts_say_what_probability_left_out():
     assert str(Firing(1, "speeding", 20, 11, 9, begun_s=in_the_first(10))) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
         "and the ego meets it in 9; in the others its trigger did not come true before the episode "
-        "ended, with planner driving, or there was nobody for it to act on"
+        "ended, with planner driving"
+    )
+    lonely = str(Firing(1, "speeding", 9, 9, 3, nobody=2, begun_s=in_the_first(3)))
+    assert lonely.endswith(
+        "planner driving, or, in 2 of them, there was nobody for it to act on while its trigger held"
     )
 
 
@@ -114,6 +118,8 @@ def test_counts_say_how_near_they_come():
     assert "m from the ego" not in str(felt)
     near = Firing(1, "accident", 2, 2, 2, begun_s=in_the_first(2), nearest_m={0: 0.4, 1: 34.2})
     assert str(near).endswith("at the nearest 0.4 to 34 m from the ego")
+    touching = Firing(1, "accident", 2, 2, 2, begun_s=in_the_first(2), nearest_m={0: 0.048, 1: 0.1})
+    assert str(touching).endswith("at the nearest 0.05 to 0.1 m from the ego")
 
 
 def test_where_it_never_happens_there_are_no_others():
@@ -128,7 +134,7 @@ def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
     (firing,), *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
     assert str(firing).endswith("happens in 0 of 2 episodes: there was no room for it on the road")
     some = str(Firing(1, "vehicle_crossing", 9, 9, 3, 2, begun_s=in_the_first(3)))
-    assert some.endswith("nobody for it to act on, or, in 2 of them, there was no room for it on the road")
+    assert some.endswith("planner driving, or, in 2 of them, there was no room for it on the road")
 
 
 def test_who_follows_an_event_that_did_not_happen_is_not_told_that_its_own_trigger_failed():

@@ -241,7 +241,7 @@ def test_one_that_has_nothing_to_act_on_is_not_said_to_lack_room(tmp_path):
     register_event(Gusts, GustsEffect)
     scenario = load_scenario(written(tmp_path, "{kind: gusts}"), {"episode.timeout": 1})
     (firing,), *_ = drive_and_count(scenario, range(1))
-    assert str(firing).endswith("or there was nobody for it to act on")
+    assert str(firing).endswith("1 episodes: there was nobody for it to act on while its trigger held")
     with World(load_network("four_way")) as world:
         world.reset(scenario.plan(0))
         world.advance(np.array([0.0, 0.0]))
