@@ -9,9 +9,9 @@ that comes back. It leads the driver round what blocks, and adapts it to the car
     govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who do not
              give way to it (not_yielding.py) -> to stop behind the leader (following.py) -> to stop within
              what the ego sees, and to give way to whom it does not see (hidden.py) -> to stop for those who
-             may run out (runners.py) -> to stop for those who cross where no path leads (crossers.py) -> to
-             drive along the course (courses.py) -> steered so that the wheels stay on the road (kerb.py) ->
-             slow enough for the grip (adaptation.py)
+             may run out, or set off from where they stand (runners.py) -> to stop for those who cross where
+             no path leads (crossers.py) -> to drive along the course (courses.py) -> steered so that the
+             wheels stay on the road (kerb.py) -> slow enough for the grip (adaptation.py)
 
 So every driver, by rules or by a policy, with a correction or without, goes round what blocks and copes with
 another car than the one that it was made for, and need not know of either.
@@ -50,8 +50,8 @@ class OutlookSettings(Settings):
     approach: bool = True
     """whether the ego drives so that it can still stop where it must give way while gaps are too short or
     not seen, before vehicles that do not look like giving way to it, before those who cross where no path
-    leads, behind its leader, at the end of what it sees, before those who may run out from behind a box, and
-    while its sensors have failed; with `course` only"""
+    leads, behind its leader, at the end of what it sees, before those who may run out from behind a box or
+    have stopped half-way over the road, and while its sensors have failed; with `course` only"""
     plant: Knowledge = "off"
     """what is known of dead time, lag and friction: nothing (`off`), what is estimated while driving
     (`estimated`), or the truth (`known`, for ablations)"""

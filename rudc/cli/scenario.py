@@ -117,8 +117,8 @@ def keys(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """What may stand in a scenario file: every key, its type, unit and default, and what it means. Of any
-    word in it, such as `duration`, where it may stand.
+    """What may stand in a scenario file: every key, its type, unit and default, and what it means. Given a
+    single key, such as `duration`, every place where it may stand.
 
     **Example**: `rudc scenario keys hard_brake`
     """

@@ -106,7 +106,7 @@ def _span(values: Collection[float]) -> str:
 
 def _rounded(value: float) -> str:
     """In one digit after the point; small ones in two, large ones in none."""
-    return f"{value:.{2 if 0.0 < value < 0.1 else 1 if value < 10.0 else 0}f}"
+    return f"{value:.{2 if 0.0 < value < 0.095 else 1 if value < 9.95 else 0}f}"
 
 
 class Hit(NamedTuple):

@@ -113,6 +113,10 @@ CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
 
 
+Poses = tuple[Complex, Complex]
+"""(T,) m and (T,): positions and directions of the ego at the instants of the predictions"""
+
+
 class Instead(NamedTuple):
     """What is done instead of an action."""
 
@@ -153,8 +157,8 @@ class LastResort:
         best = room[:, kept].min(axis=1, initial=np.inf).max()
         if best >= -CREEPING:
             return None
-        braking, at_once = self._brake(scene, others, kept, float(u[1]))
-        struck = self._struck(scene, others, kept & (at_once < -self._margin), braking)
+        braking, at_once, stop = self._brake(scene, others, kept, float(u[1]))
+        struck = self._struck(scene, others, kept & (at_once < -self._margin), stop)
         onwards = np.array([scene.vehicle.a_max, steering(scene)])
         if len(struck) and self._may_take(scene, onwards):
             return Instead(onwards, True, struck)
@@ -172,9 +176,9 @@ class LastResort:
     def would_block(self, scene: Scene, braking: Array, going: Array) -> Index:
         """Indices of those who move and within COMING_S would come upon an ego that stops after the action
         `braking` (2,), m/s2 and rad, but would not meet one that takes the action `going` (2,) and goes on,
-        or goes on and then stops. Those who could still stop gently for the first would not meet the second
-        even if they came SPARE_S earlier at their present speed. Empty if it would meet any of them, or
-        anybody else within HORIZON, or if `going` would not be taken.
+        or goes on and then stops. Whoever could still stop gently for an ego that stops with the steering
+        held must also miss one that goes on if it came SPARE_S earlier, at its present speed. Empty if one
+        that goes on would meet any of them, or anybody else within HORIZON, or if `going` would not be taken.
         """
         self._times = self._until(COMING_S)
         first, v, _ = self._first(scene, float(going[0]))
@@ -185,7 +189,7 @@ class LastResort:
         who = np.unique(others.who[kept & ~others.still & (stops < -CREEPING)])
         if not len(who):
             return who
-        early = np.setdiff1d(who, self._late(scene, others, who, braking))
+        early = np.setdiff1d(who, self._late(scene, others, who, self._stop(scene, braking)))
         avoided = (
             (others, np.isin(others.who, who)),
             (
@@ -226,20 +230,17 @@ class LastResort:
         """Whether full braking, with room of `braking` m, is better than what has `room` m."""
         return braking > (room - ALIKE if room < -self._margin else room)
 
-    def _struck(self, scene: Scene, others: Others, hit: Flags, braking: Array) -> Index:
-        """Indices of the others that move and, by every prediction of them, `hit` (m,) an ego under `braking`
-        (2,), m/s2 and rad, before they could stop gently.
+    def _struck(self, scene: Scene, others: Others, hit: Flags, stop: Poses) -> Index:
+        """Indices of the others that move and, by every prediction of them, `hit` (m,) an ego on its way
+        `stop` before they could stop gently.
         """
         hit = hit & ~others.still
         who = np.setdiff1d(others.who[hit], others.who[~hit])
-        return self._late(scene, others, who, braking)
+        return self._late(scene, others, who, stop)
 
-    def _late(self, scene: Scene, others: Others, who: Index, braking: Array) -> Index:
-        """Those of `who` that meet an ego which stops under `braking` (2,), m/s2 and rad, before they could
-        stop gently.
-        """
-        place, facing = self._stop(scene, braking)
-        late = [i for i in who.tolist() if self._is_late(scene, others, i, place, facing)]
+    def _late(self, scene: Scene, others: Others, who: Index, stop: Poses) -> Index:
+        """Those of `who` that meet an ego on its way `stop` before they could stop gently."""
+        late = [i for i in who.tolist() if self._is_late(scene, others, i, *stop)]
         return np.array(late, dtype=np.int64)
 
     def _is_late(self, scene: Scene, others: Others, i: int, place: Complex, facing: Complex) -> bool:
@@ -275,23 +276,23 @@ class LastResort:
         held, along = self._held(scene, u, way), self._along(scene, u, way)
         return np.stack([self._room(scene, others, *held), self._room(scene, others, *along)])
 
-    def _brake(self, scene: Scene, others: Others, kept: Flags, delta: float) -> tuple[Array, Array]:
-        """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad, as the wheels are
-        now or along the route: whichever has most room. If all hit somebody, one that stays on the road
-        comes first.
+    def _brake(self, scene: Scene, others: Others, kept: Flags, delta: float) -> tuple[Array, Array, Poses]:
+        """(2,) m/s2 and rad, full braking, (m,) m its room, and where the ego is then. It steers at `delta`
+        rad, as the wheels are now or along the route: whichever has most room. If all hit somebody, one that
+        stays on the road comes first.
         """
-        ways = (delta, 0), (scene.ego.steering, 0), (steering(scene), 1)
-        actions = [np.array([scene.vehicle.a_min, way]) for way, _ in ways]
-        rooms = [self._stops(scene, others, u)[k] for u, (_, k) in zip(actions, ways, strict=True)]
+        hardest = scene.vehicle.a_min
+        way = self._stopping(scene, hardest)
+        angles = delta, scene.ego.steering, steering(scene)
+        actions = [np.array([hardest, angle]) for angle in angles]
+        stops = [*(self._held(scene, u, way) for u in actions[:2]), self._along(scene, actions[2], way)]
+        rooms = [self._room(scene, others, *stop) for stop in stops]
         least = [float(room[kept].min()) for room in rooms]
-        stays = [True] * len(ways)
+        stays = [True] * len(stops)
         if max(least) < -CREEPING:
-            stays = [
-                along == 1 or not self._leaves_road(scene, u)
-                for u, (_, along) in zip(actions, ways, strict=True)
-            ]
-        k = max(range(len(ways)), key=lambda k: (stays[k], least[k]))
-        return actions[k], rooms[k]
+            stays = [*(not self._leaves_road(scene, u) for u in actions[:2]), True]
+        k = max(range(len(stops)), key=lambda k: (stays[k], least[k]))
+        return actions[k], rooms[k], stops[k]
 
     def _leaves_road(self, scene: Scene, u: Array) -> bool:
         """Whether an ego that stops with the steering of `u` (2,), m/s2 and rad, is off the road within
@@ -344,7 +345,7 @@ class LastResort:
             0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
         )  # fmt: skip
 
-    def _stop(self, scene: Scene, u: Array) -> tuple[Complex, Complex]:
+    def _stop(self, scene: Scene, u: Array) -> Poses:
         """(T,) m and (T,): position and direction of the ego on an arc, under `u` for a step and then
         braking.
         """
@@ -355,14 +356,14 @@ class LastResort:
         first, v, then = self._first(scene, a)
         return way_of_stopping(self._times, self._dt, first, v, -scene.vehicle.a_min, then, scene.lag_s)
 
-    def _held(self, scene: Scene, u: Array, way: Array) -> tuple[Complex, Complex]:
+    def _held(self, scene: Scene, u: Array, way: Array) -> Poses:
         """(T,) m and (T,): position and direction of the ego after `way` (T,) m on the arc of the steering of
         `u`.
         """
         ego, body = scene.ego, scene.vehicle
         return on_arc(complex(ego.x, ego.y), ego.psi, way, _slip(body, float(u[1])), body.cg_to_rear)
 
-    def _along(self, scene: Scene, u: Array, way: Array) -> tuple[Complex, Complex]:
+    def _along(self, scene: Scene, u: Array, way: Array) -> Poses:
         """(T,) m and (T,): position and direction of the ego after `way` (T,) m, with the steering of `u` for
         a step and then steering along the route.
         """

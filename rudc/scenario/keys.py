@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
@@ -47,40 +48,42 @@ class Section:
 
 def sections(topic: str | None = None) -> list[Section]:
     """All sections, or the one of an event's kind, of `when`, or of a part of the file by its (dotted) key;
-    of `events` those of all kinds. Of any other key, such as `duration` or `accident.vehicles`, what is said
-    of it and of the keys in it, wherever it may stand.
+    of `events`, or `kind`, those of all kinds. Of any other key, such as `duration`, `accident.vehicles` or
+    `events.0.at`, what is said of it and of the keys in it, wherever it may stand.
 
     Raises InputError for an unknown topic.
     """
     whole = {name: _section(name, model, "") for name, model in _models().items()}
     if topic is None:
         return list(whole.values())
-    if topic == "events":
+    asked, topic = topic, re.sub(r"^events\.(\d+\.)?", "", topic)
+    if topic in ("events", "kind"):
         return [whole[kind] for kind in EVENT_KINDS]
     known = {**whole, **_parts()}
     last = {name.rpartition(".")[2]: name for name in reversed(known)}
-    if topic in known or topic in last:
-        return [known[topic if topic in known else last[topic]]]
-    if found := _with_key(whole, topic):
+    if topic in known:
+        return [known[topic]]
+    part = [known[last[topic]]] if topic in last else []
+    listed = {name for section in part for name in (section.name, *(key.name for key in section.keys))}
+    if found := [*part, *_with_key(whole, topic, listed)]:
         return found
     words = {word for section in whole.values() for key in section.keys for word in _path(key)}
     raise InputError(
-        f"nothing in a scenario is called {topic!r}{did_you_mean(topic, sorted({*last, *words}))}; there are "
+        f"nothing in a scenario is called {asked!r}{did_you_mean(topic, sorted({*last, *words}))}; there are "
         f"{', '.join(sorted(last))}, and their keys"
     )
 
 
-def _with_key(whole: Mapping[str, Section], topic: str) -> list[Section]:
-    """The sections with those of their keys only that are, or are in, the key that the topic names; its first
-    word may be a section's name."""
+def _with_key(whole: Mapping[str, Section], topic: str, listed: Container[str]) -> list[Section]:
+    """The sections with those of their keys only that are, or are in, the key that the topic names, and are
+    not `listed` already. The topic's first word may be a section's name."""
     first, _, rest = topic.partition(".")
     among, wanted = ([whole[first]], rest) if rest and first in whole else (list(whole.values()), topic)
-    found = [
-        replace(
-            section, keys=tuple(key for key in section.keys if f".{wanted}." in f".{'.'.join(_path(key))}.")
-        )
-        for section in among
-    ]
+    found = []
+    for section in among:
+        before = "" if section.name == "scenario" else f"{section.name}."
+        named = [key for key in section.keys if f".{wanted}." in f".{'.'.join(_path(key))}."]
+        found.append(replace(section, keys=tuple(key for key in named if before + key.name not in listed)))
     return [section for section in found if section.keys]
 
 

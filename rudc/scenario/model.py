@@ -10,6 +10,7 @@ import hashlib
 import itertools
 import json
 import re
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -62,26 +63,33 @@ def _scalar(value: Any) -> Any:
     return value
 
 
-def _by_number(events: Any, handler: ValidatorFunctionWrapHandler) -> tuple[Event, ...]:
-    """The events of a file, in which each that waits for another by its name has that one's number."""
-    if not isinstance(events, list | tuple):
-        return handler(events)
-    keys = "when", "event_state", "event"
-    numbers, found, problems = dict[str, int](), list[Any](), list[InitErrorDetails]()
+def _checked(events: Any, handler: ValidatorFunctionWrapHandler) -> tuple[Event, ...]:
+    """The events of a file: each waits at most for one before it, by whose number it then calls it."""
+    problems = list[InitErrorDetails]()
+    if isinstance(events, list | tuple):
+        events = [*_by_number(events, problems)]
+    return _of_a_vehicle(_in_order(checked_beside(problems, events, handler, "events")))
+
+
+def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Iterator[Any]:
+    """The events as a file gives them, names in `event_state` replaced by numbers. Adds what is wrong with
+    names to the problems."""
+    keys, numbers = ("when", "event_state", "event"), dict[str, int]()
     for k, event in enumerate(events):
-        found.append(event)
         given = event if isinstance(event, dict) else {"name": getattr(event, "name", None)}
         if isinstance(called := value_at(given, ".".join(keys)), str):
+            called = called.strip()
             if called not in numbers:
                 known = there_are(called, numbers) if numbers else "; none has a name"
+                known = "; a number stands without quotes" if called.isdecimal() else known
                 message = f"no event before this one is called {called!r}{known}"
                 problems.append(detail(message, (k, *keys), events))
-            found[k], _ = with_value(given, ".".join(keys), numbers.get(called, 0))
-        if isinstance(name := given.get("name"), str):
+            event, _ = with_value(given, ".".join(keys), numbers.get(called, 0))
+        yield event
+        if isinstance(name := given.get("name"), str) and (name := name.strip()):
             if name in numbers:
                 problems.append(detail(f"event {numbers[name]} is called {name!r}, too", (k, "name"), events))
             numbers[name] = k
-    return checked_beside(problems, found, handler, "events")
 
 
 def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
@@ -143,10 +151,7 @@ class Scenario(FileModel, frozen=True):
     """the ego's task and start"""
     traffic: Traffic = Traffic()
     """surrounding vehicles"""
-    events: Annotated[
-        tuple[AnyEvent, ...],
-        AfterValidator(_in_order), AfterValidator(_of_a_vehicle), WrapValidator(_by_number),
-    ] = ()  # fmt: skip
+    events: Annotated[tuple[AnyEvent, ...], WrapValidator(_checked)] = ()
     """what happens besides ordinary traffic"""
     episode: Episode = Episode()
     """when it ends by itself"""
@@ -183,6 +188,8 @@ class Scenario(FileModel, frozen=True):
         data = self.data()
         for remark in ("description", "out_of_distribution"):
             data.pop(remark, None)
+        for event in data.get("events", ()):
+            event.pop("name", None)
         data["network"] = _content(self.network)
         if "network" in self.sweep:
             data["sweep"]["network"] = [_content(network) for network in self.sweep["network"]]

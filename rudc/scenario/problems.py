@@ -57,6 +57,10 @@ def describe(error: ValidationError, model: type[FileModel], data: Any) -> list[
     ]
 
 
+FIXED = ("name", "description", "out_of_distribution", "extends", "sweep")
+"""keys of a file that cannot be swept"""
+
+
 def got(value: Any) -> str:
     """What a file has in a place, in words."""
     match value:
@@ -102,6 +106,8 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
     if "<word>" in loc:
         context = {**context, "form": " or {choice: [...]}"}
+    elif path[0] not in FIXED and path[-1] != "name":
+        context = {**context, "may_be_swept": True}
     return Problem(path, _in_words(kind, value, context, detail["msg"]))
 
 
@@ -140,7 +146,10 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str) -> s
 def _not_drawn(value: Any, context: Mapping[str, Any]) -> str:
     """What there is instead, where a distribution stands for a word that cannot be drawn; else nothing."""
     drawn = isinstance(value, Mapping) and value and set(value) <= {"uniform", "normal", "choice"}
-    return "; this cannot be drawn, but `sweep` takes several" if drawn and "form" not in context else ""
+    if not drawn or "form" in context:
+        return ""
+    instead = "; to run several values, list them under `sweep`" if "may_be_swept" in context else ""
+    return f"; a distribution cannot stand here{instead}"
 
 
 def _unknown(detail: ErrorDetails, model: type[FileModel]) -> str:

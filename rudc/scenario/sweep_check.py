@@ -12,11 +12,9 @@ from pydantic import ValidationError
 
 from rudc.scenario.dotted import DottedKeyError, Path, dotted, value_text, with_value
 from rudc.scenario.model import GRID_LIMIT, Scenario
-from rudc.scenario.problems import Problem, describe
+from rudc.scenario.problems import FIXED, Problem, describe
 from rudc.scenario.yaml_text import Report, Sheet
 
-FIXED = ("name", "description", "out_of_distribution", "extends", "sweep")
-"""keys that cannot be swept"""
 WITHIN = "lies within {}, which is swept, too; leave one of them out"
 """what is wrong with a key that is given besides a swept one which it is a part of"""
 

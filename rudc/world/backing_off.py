@@ -131,10 +131,11 @@ def _place(scene: Scene, i: int, s: float) -> tuple[float, float, float]:
 
 
 def _may_be_at(scene: Scene, i: int, s: float) -> bool:
-    """Whether the SV of row i may go back to s m on its way: its front does not cross its stop line, and it
-    is nearer to nobody than CLEAR_M or than it is now."""
+    """Whether the SV of row i may go back to s m on its way: it stays on its arm, its front does not cross
+    its stop line, and it is nearer to nobody than CLEAR_M or than it is now."""
     ego, body, (length, width) = scene.ego, scene.vehicle, scene.size[i].tolist()
-    if s + 0.5 * length < scene.network.paths.stop_s[scene.path[i]] <= scene.path_s[i] + 0.5 * length:
+    stop_s = scene.network.paths.stop_s[scene.path[i]] - 0.5 * length
+    if s < stop_s <= scene.path_s[i] or s < 0.5 * length:
         return False
     others = np.arange(scene.count) != i
     position = np.vstack([scene.position[others], (ego.x, ego.y)])

@@ -13,8 +13,8 @@ ego goes back (rudc/world/backing_off.py).
 
 SUMO takes a vehicle to be on the lane nearest to its front, so that an ego in a wide turn may count as
 standing ahead of somebody who only drives past it. So who is set free in the junction, on another path than
-the ego's, does not follow the ego either, until it is out of the junction, or the ego drives again before
-it is past.
+the ego's, and can pass the ego where it stands, does not follow it either, until it is out of the junction,
+or the ego drives again before it is past.
 """
 
 from __future__ import annotations
@@ -69,9 +69,9 @@ class Unblocking:
             return
         for name in sorted(wanted):
             self._sumo.overlook(name, EGO if name in self._free else "")
-        if passing := wanted & self._free & _in_junction(scene):
-            self._passing |= passing
-            for name in sorted(passing):
+        for name in sorted(wanted & self._free & _in_junction(scene)):
+            if not bars(scene, scene.ids.index(name), math.inf):
+                self._passing.add(name)
                 self._sumo.overlook(name, EGO, ahead=True)
 
     def _follow_again(self, scene: Scene) -> None:

@@ -74,9 +74,9 @@ def test_every_problem_with_a_choice_of_words(problems):
         "6:47: events.3.arm.choice: there is nothing to choose from",
         "7:93: events.4.type.choice.weights: 1 weights for 2 values",
         "8:79: events.5.type.choice.wieghts: unknown key (did you mean 'weights'?)",
-        "9:33: events.6.vehicle: expected one of leader, ...; got a mapping; this cannot be drawn, but ...",
+        "9:33: events.6.vehicle: expected one of leader, ...; got a mapping; a distribution cannot ...",
         "10:38: events.7.arm: expected text or {choice: [...]}, got the number 3.5",
-        "11:54: events.8.when.reach_position.lane: expected text, got a mapping; this cannot be ...",
+        "11:54: events.8.when.reach_position.lane: expected text, got a mapping; a ... `sweep`",
     )
 
 

@@ -61,6 +61,40 @@ def test_every_problem_with_names_and_what_else_is_wrong(problems):
 
 
 @pytest.mark.parametrize(
+    ("events", "said"),
+    [
+        (
+            "{kind: hard_brake, when: {event_state: {event: van}}}",
+            "2:...: events.0.when.event_state.event: no event before ... 'van'; none has a name",
+        ),
+        (
+            "{kind: low_friction, friction: 0.5, name: ice}, "
+            "{kind: hard_brake, vehicle: same, when: {event_state: {event: van}}}",
+            "2:...: events.1.when.event_state.event: no event before ... 'van'; there are: ice",
+        ),
+        (
+            "{kind: hard_brake}, {kind: hard_brake, when: {event_state: {event: '0'}}}",
+            "2:...: events.1.when.event_state.event: ...'0'; a number stands without quotes",
+        ),
+        ("{kind: hard_brake, name: ''}", "2:...: events.0.name: must not be empty"),
+    ],
+)
+def test_a_wrong_name_is_the_only_thing_that_is_told(problems, events, said):
+    check(problems(f"name: wrong\nevents: [{events}]\n"), said)
+
+
+def test_names_are_compared_without_the_space_around_them(problems):
+    named = scenario(events=[{**LORRY, "name": " lorry "}, waiting("lorry ")])
+    assert named.events[0].name == "lorry"
+    found = problems("name: wrong\nevents: [{kind: hard_brake, name: ' a'}, {kind: hard_brake, name: a}]\n")
+    check(found, "2:...: events.1.name: event 0 is called 'a', too")
+
+
+def test_a_name_is_no_part_of_what_an_episode_depends_on():
+    assert scenario(events=[{**LORRY, "name": "lorry"}]).digest == scenario(events=[LORRY]).digest
+
+
+@pytest.mark.parametrize(
     ("event", "fits"), [("lorry", True), (0, True), ({"choice": [0, 1]}, True), (True, False)]
 )
 def test_an_editor_takes_names(event, fits):

@@ -85,6 +85,13 @@ def test_any_other_key_wherever_it_may_stand():
         for kind in EVENT_KINDS
         if kind in ("pedestrian_crossing", "vehicle_crossing")
     ]
+    assert sections("events.3.pause") == sections("pause")
+    assert sections("kind") == sections("events")
+    part, whole, *events = sections("speed")
+    assert (part.name, whole.name, [key.name for key in whole.keys]) == (
+        "when.speed", "scenario", ["ego.speed", "traffic.speed"],
+    )  # fmt: skip
+    assert "wrong_way" in [section.name for section in events]
     (accident,) = sections("accident.vehicles")
     assert {key.name.partition("[]")[0] for key in accident.keys} == {"vehicles"}
     assert len(accident.keys) > 5

@@ -29,3 +29,21 @@ def test_who_is_in_the_junction_at_the_end_goes_on_until_it_is_out(world, seed):
     assert scene.time_s > 2.2, "somebody was, and went on"
     assert not any(driver.overridden or driver.heedless for driver in world.traffic.drivers.values())
     assert stage.reached[0, "over"] == pytest.approx(scene.time_s, abs=0.11)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_it_begins_and_lasts_however_late_it_is(world, seed):
+    """One that began later than its duration was over at once."""
+    after = {"simulation_time": {"above": 4.0}}
+    heedless = event("priority_violation", vehicle="all", duration=3.0, when=after)
+    source = replace(CALM, density=30.0, origin="south", turn="straight", events=(heedless,))
+    world.reset(source.plan(seed))
+    while not world.stage.reached:
+        world.advance(STAND)
+    began = world.stage.reached[0, "begun"]
+    assert began == pytest.approx(4.1, abs=0.11)
+    (found,) = world.happenings()
+    assert len(found.bodies) > 5
+    while world.scene().time_s < began + 2.9:
+        assert found.bodies & set(world.scene().ids) <= world.stage.unlawful
+        world.advance(STAND)

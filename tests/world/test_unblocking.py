@@ -81,7 +81,9 @@ def test_whom_the_yielding_layer_holds_heeds_the_ego_and_who_stands_when_it_driv
     assert len(asked.overlooked) == 3, "who has left is asked nothing"
 
 
-def test_who_is_set_free_in_the_junction_does_not_follow_the_ego_until_it_is_out(make_scene, four_way):
+def test_who_is_set_free_in_the_junction_does_not_follow_the_ego_until_it_is_out(
+    make_scene, four_way, monkeypatch
+):
     """Once the ego drives, who is past it goes on as before, and who is not past it follows it again."""
     own, paths = four_way.route("south", "straight"), four_way.paths
     row = int((~paths.yields[:, own.row]).argmax())
@@ -102,6 +104,8 @@ def test_who_is_set_free_in_the_junction_does_not_follow_the_ego_until_it_is_out
     assert asked_of((inside, stands), (inside, 0.0)) == [follows_not, follows]
     assert asked_of((inside, stands), (past, 0.0)) == [follows_not]
     assert asked_of((inside, stands), (past, 0.0), (out, 0.0)) == [follows_not, follows]
+    monkeypatch.setattr(unblocking, "bars", lambda *where: True)
+    assert asked_of((inside, stands)) == [], "it stands behind the ego, and could not pass"
 
 
 def test_who_should_give_way_and_cannot_pass_the_ego_waits_for_it(make_scene, four_way):

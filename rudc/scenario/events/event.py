@@ -96,7 +96,7 @@ class Effect(ABC, Generic[E]):
         self.event = event
         self.name = name
         self.begun_s = 0.0
-        """s, when it began"""
+        """s, when it began, or last tried to"""
         self.chosen: frozenset[str] = frozenset()
         """surrounding vehicles that it has taken hold of so far"""
         self.waits_since_s: float | None = None

@@ -18,7 +18,8 @@ class PriorityViolation(VehicleEvent, frozen=True):
     vehicle: Selector = "crossing"
     """which vehicle"""
     duration: Duration | None = None
-    """s; by default for good. Who is in the junction by then goes on like that until it is out"""
+    """s; by default for good. Whoever is in the junction at that time goes on until it is out, and the event
+    is over only then"""
 
 
 class PriorityViolationEffect(Held[PriorityViolation]):

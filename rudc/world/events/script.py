@@ -130,14 +130,14 @@ class Script:
         begun: list[Effect[Any]] = []
         self._refused = {}
         for effect in sorted(effects, key=lambda effect: not (effect.felt or effect.underfoot)):
-            stage.no_room = False
+            stage.no_room, effect.begun_s = False, stage.time_s
             if ask_effect(effect, "begin", stage, stage.time_s):
                 begun.append(effect)
             else:
                 self._refused[effect.name] = stage.no_room
         begun.sort(key=effects.index)  # in the order of the plan, as they are told
         for effect in begun:
-            effect.begun_s = self._begun[effect.name] = stage.time_s
+            self._begun[effect.name] = stage.time_s
             if effect.felt or effect.name in stage.patches.trodden:
                 self._visible[effect.name] = effect.begun_s
             self._reach(effect, "begun")
