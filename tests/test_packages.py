@@ -93,7 +93,7 @@ def test_lists_go_without_what_cannot_be_imported(installed, tmp_path):
         f"{OFFERS}[rudc.agents]\ngone = own_barrier:Gone\nfollower = own_barrier:Mine\n",
         "other",
     )
-    orders = (("list",), "sudden_brake"), (("keys", "hard_brake"), "deceleration")
+    orders = (("list",), "sudden_brake"), (("keys", "hard_brake", "--json"), "deceleration")
     agents, *lists, run = answers_apart(
         ("agent", "list", "--json"),
         *(("scenario", *order) for order, _ in orders),

@@ -106,7 +106,7 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
     if "<word>" in loc:
         context = {**context, "form": " or {choice: [...]}"}
-    elif path[0] not in FIXED and path[-1] != "name":
+    elif path[:1] and path[0] not in FIXED and path[-1] != "name":
         context = {**context, "may_be_swept": True}
     return Problem(path, _in_words(kind, value, context, detail["msg"]))
 

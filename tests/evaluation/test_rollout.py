@@ -95,6 +95,23 @@ def test_a_record_is_consistent_and_repeats(episode, name):
     assert comparable(again) == comparable(record)
 
 
+def test_places_in_a_trace_count_from_the_junctions_centre_as_in_scenario_files(episode, tmp_path):
+    """Not from the origin of the network's file, which may be anywhere."""
+    elsewhere, there = Trace(), []
+
+    def watch(scene, decision, result):
+        network = copy.copy(scene.network)
+        network.center = np.array([7.0, -2.0])
+        elsewhere.watch(replace(scene, network=network), decision, result)
+        there.append((scene.ego.x - 7.0, scene.ego.y + 2.0))
+
+    run_episode(episode, load_scenario("random_destination").plan(2), make_agent("follower"), watch=watch)
+    elsewhere.save(tmp_path / "steps.csv")
+    with (tmp_path / "steps.csv").open(newline="") as file:
+        rows = [(float(row["x_m"]), float(row["y_m"])) for row in csv.DictReader(file)]
+    np.testing.assert_allclose(rows, there, atol=1e-5)
+
+
 def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
     plan, agent = (
         load_scenario("blocked_left_turn", {"episode.timeout": 15}).plan(1),
@@ -194,20 +211,3 @@ def test_a_film_of_a_long_episode_has_fewer_frames_a_second(episode, monkeypatch
     ((frames, _, told),) = saved
     assert [int(one[0, 0, 0]) for one in frames] == drawn
     assert told == pytest.approx(rate)
-
-
-def test_places_in_a_trace_count_from_the_junctions_centre_as_in_scenario_files(episode, tmp_path):
-    """Not from the origin of the network's file, which may be anywhere."""
-    elsewhere, there = Trace(), []
-
-    def watch(scene, decision, result):
-        network = copy.copy(scene.network)
-        network.center = np.array([7.0, -2.0])
-        elsewhere.watch(replace(scene, network=network), decision, result)
-        there.append((scene.ego.x - 7.0, scene.ego.y + 2.0))
-
-    run_episode(episode, load_scenario("random_destination").plan(2), make_agent("follower"), watch=watch)
-    elsewhere.save(tmp_path / "steps.csv")
-    with (tmp_path / "steps.csv").open(newline="") as file:
-        rows = [(float(row["x_m"]), float(row["y_m"])) for row in csv.DictReader(file)]
-    np.testing.assert_allclose(rows, there, atol=1e-5)
