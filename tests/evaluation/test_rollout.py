@@ -1,9 +1,7 @@
 """Real episodes: what a record says of them, that they repeat, and films and traces of them."""
 
-import copy
 import csv
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -95,18 +93,19 @@ def test_a_record_is_consistent_and_repeats(episode, name):
     assert comparable(again) == comparable(record)
 
 
-def test_places_in_a_trace_count_from_the_junctions_centre_as_in_scenario_files(episode, tmp_path):
+def test_places_in_a_trace_count_from_the_junctions_centre_as_in_scenario_files(
+    episode, tmp_path, monkeypatch
+):
     """Not from the origin of the network's file, which may be anywhere."""
-    elsewhere, there = Trace(), []
+    trace, there, plan = Trace(), [], load_scenario("random_destination").plan(2)
 
     def watch(scene, decision, result):
-        network = copy.copy(scene.network)
-        network.center = np.array([7.0, -2.0])
-        elsewhere.watch(replace(scene, network=network), decision, result)
+        trace.watch(scene, decision, result)
         there.append((scene.ego.x - 7.0, scene.ego.y + 2.0))
 
-    run_episode(episode, load_scenario("random_destination").plan(2), make_agent("follower"), watch=watch)
-    elsewhere.save(tmp_path / "steps.csv")
+    monkeypatch.setattr(load_network("four_way"), "center", np.array([7.0, -2.0]))
+    run_episode(episode, plan, make_agent("follower"), watch=watch)
+    trace.save(tmp_path / "steps.csv")
     with (tmp_path / "steps.csv").open(newline="") as file:
         rows = [(float(row["x_m"]), float(row["y_m"])) for row in csv.DictReader(file)]
     np.testing.assert_allclose(rows, there, atol=1e-5)
