@@ -17,7 +17,6 @@ import numpy as np
 from rudc.geometry import rectangle_gaps
 from rudc.world.kernels import near_on_paths
 from rudc.world.scene import Kind
-from rudc.world.yielding_kernels import in_junction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,10 +68,10 @@ def _near_ego(scene: Scene) -> set[int]:
 
 def _near_props(scene: Scene, props: Sequence[Prop]) -> set[int]:
     """Indices of the SVs near one that moves, and of those inside the junction near a vehicle or obstacle."""
-    near, paths = np.zeros(scene.count, bool), scene.network.paths
+    near = np.zeros(scene.count, bool)
     if not props:
         return set()
-    inside = in_junction(scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s)
+    inside = scene.inside
     others = scene.position, scene.heading, scene.size
     for prop in props:
         if not (prop.moves or inside.any()):

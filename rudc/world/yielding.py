@@ -101,7 +101,7 @@ def must_yield(
     heeding &= ~obstacles_only
     rows, deceleration, for_ego = yielding(
         scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s,
-        paths.poses, paths.stations, paths.stop_s, paths.exit_s, paths.origin,
+        paths.poses, paths.stations, paths.origin, scene.inside,
         heeding, obstacles_only, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS,
         stray and ego_present, brake_most,
     )  # fmt: skip

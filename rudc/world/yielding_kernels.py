@@ -183,16 +183,6 @@ def braking_before(room: float, speed: float, most: float) -> float:
 
 
 @kernel
-def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s: Vector) -> NewFlags:
-    """(N,) whether some part of each is in the junction, from stop_s to exit_s (P,) m of its path."""
-    found = np.zeros(len(path), np.bool_)
-    for i in range(len(path)):
-        half, row = 0.5 * size[i, 0], path[i]
-        found[i] = row >= 0 and path_s[i] + half > stop_s[row] and path_s[i] - half < exit_s[row]
-    return found
-
-
-@kernel
 def braking_for_others(
     place: Places, facing: Places, length: float, width: float, most: float, i: int,
     obstacles_only: bool, speed: Vector, inside: NewFlags, position: Table, heading: Vector, velocity: Table,
@@ -232,21 +222,21 @@ def braking_for_others(
 @kernel
 def yielding(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
-    poses: Table, stations: int, stop_s: Vector, exit_s: Vector, origin: Rows,
+    poses: Table, stations: int, origin: Rows, inside: NewFlags,
     heeding: NewFlags, obstacles_only: NewFlags, ego: Places, ego_facing: Places, length: float, width: float,
     moves: bool, astray: bool, most: float,
 ) -> tuple[NewRows, NewVector, NewFlags]:  # fmt: skip
     """Rows (m,) of the SVs that must brake or must not go faster, how hard each brakes (m,) m/s2, and whether
     it has to for the ego (m,).
 
-    `heeding` (N,): which SVs yield to the ego; `obstacles_only` (N,): which yield to nothing else; `ego`,
-    `ego_facing` (INSTANTS,): the ego's predicted places (m) and directions; `length`, `width`: the ego's, m;
-    `moves`: whether it moves; `astray`: whether it is off its path; `most`: m/s2, hardest braking.
+    `inside` (N,): which SVs are in the junction; `heeding` (N,): which yield to the ego; `obstacles_only`
+    (N,): which yield to nothing else; `ego`, `ego_facing` (INSTANTS,): the ego's predicted places (m) and
+    directions; `length`, `width`: the ego's, m; `moves`: whether it moves; `astray`: whether it is off its
+    path; `most`: m/s2, hardest braking.
     """
     n, count, obstacles = len(path), 0, False
     rows, needs, speed = np.empty(n, np.int64), np.empty(n), np.empty(n)
     for_ego = np.zeros(n, np.bool_)
-    inside = in_junction(size, path, path_s, stop_s, exit_s)
     for i in range(n):
         speed[i] = math.hypot(velocity[i, 0], velocity[i, 1])
         obstacles = obstacles or path[i] < 0

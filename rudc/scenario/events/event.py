@@ -129,6 +129,10 @@ class Effect(ABC, Generic[E]):
         """Go on, before each decision while in effect."""
 
     def is_over(self, stage: Stage) -> bool:
+        """Whether it is over: by default, once its duration has passed."""
+        return self.has_lasted(stage)
+
+    def has_lasted(self, stage: Stage) -> bool:
         """Whether the event's duration, if it has one, has passed."""
         duration = _duration_of(self.event)
         return duration is not None and stage.time_s >= self.begun_s + float(duration) - ROUNDED_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rudc.scenario.events.event import Duration, Effect, Held, VehicleEvent
+from rudc.scenario.events.event import Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Selector
@@ -32,7 +32,7 @@ class PriorityViolationEffect(Held[PriorityViolation]):
 
     def step(self, stage: Stage) -> None:
         super().step(stage)
-        if Effect.is_over(self, stage):
+        if self.has_lasted(stage):
             for name in self.held:
                 if not stage.is_inside(name):
                     self.let_go(stage, name)
@@ -41,7 +41,7 @@ class PriorityViolationEffect(Held[PriorityViolation]):
     def is_over(self, stage: Stage) -> bool:
         """Whether its duration has passed and its vehicles are out of the junction, or all have left."""
         there = any(stage.is_inside(name) for name in self.held)
-        return self.all_left(stage) or (Effect.is_over(self, stage) and not there)
+        return self.all_left(stage) or (self.has_lasted(stage) and not there)
 
     def let_go(self, stage: Stage, name: str) -> None:
         stage.release(name, heedless=True)
