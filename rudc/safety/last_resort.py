@@ -43,7 +43,8 @@ it is closer already, than it is now.
 Before that, the proposed action replaces a relaxed one (filter.py) that would leave the ego in the way of
 somebody who comes within COMING_S, if an ego that goes on is out of that way before: by every prediction of
 that other, and SPARE_S before if it keeps its speed and could still stop gently for the ego. The ego may
-stop again, behind its leader, after one of GOES_ON_S.
+stop again, behind its leader, after one of GOES_ON_S. A TIGHT margin is enough from those who would hit an
+ego that stops, by some prediction of them.
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
 the model: if u was taken because a stop can follow it, a stop is possible again in the next step. Those who
@@ -109,6 +110,8 @@ SPARE_S = 0.5
 """s, by which an ego that goes on before them must be out of their way, if they keep their speed"""
 GOES_ON_S = 0.5, 1.0, 1.5, 2.0
 """s, for which an ego goes on before it stops, where it cannot go on for longer: behind its leader"""
+TIGHT = 0.5
+"""share of the margin that is enough where the ego would be hit if it stopped"""
 CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
 
@@ -190,28 +193,29 @@ class LastResort:
         if not len(who):
             return who
         early = np.setdiff1d(who, self._late(scene, others, who, self._stop(scene, braking)))
+        hits = np.isin(others.who, others.who[~others.still & (stops < -self._margin)])
+        spared = others.during(slice(round(SPARE_S / self._dt), None))
         avoided = (
             (others, np.isin(others.who, who)),
-            (
-                others.during(slice(round(SPARE_S / self._dt), None)),
-                np.isin(others.who, early) & others.steady,
-            ),
+            (spared, np.isin(others.who, early) & others.steady),
             (others.during(slice(len(self._usual))), kept),
         )
         ways = way, *(self._ended(scene, way, end_s) for end_s in reversed(GOES_ON_S))
-        clear = any(self._is_clear(scene, avoided, *self._along(scene, going, w)) for w in ways)
+        clear = any(self._is_clear(scene, avoided, hits, *self._along(scene, going, w)) for w in ways)
         return who if clear and self.instead_of(scene, going) is None else who[:0]
 
     def _is_clear(
-        self, scene: Scene, avoided: tuple[tuple[Others, Flags], ...], place: Complex, facing: Complex
+        self, scene: Scene, avoided: tuple[tuple[Others, Flags], ...], tight: Flags, *poses: Complex
     ) -> bool:
-        """Whether an ego at `place` (T,) m facing `facing` (T,) keeps clear of those that are flagged, for as
-        long as they are predicted.
+        """Whether an ego with the `poses` (T,) m and (T,) keeps clear of those that are flagged, for as long
+        as they are predicted, with a TIGHT margin where `tight` (m,).
         """
         for others, flags in avoided:
             end = others.place.shape[1]
-            if (self._room(scene, others, place[:end], facing[:end])[flags] < -CREEPING).any():
-                return False
+            for share, rows in ((1.0, flags & ~tight), (TIGHT, flags & tight)):
+                room = self._room(scene, others, *(pose[:end] for pose in poses), share * self._margin)
+                if (room[rows] < -CREEPING).any():
+                    return False
         return True
 
     def _ended(self, scene: Scene, way: Array, end_s: float) -> Array:
@@ -335,14 +339,16 @@ class LastResort:
             body.cg_to_rear, 0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
         )  # fmt: skip
 
-    def _room(self, scene: Scene, others: Others, place: Complex, facing: Complex) -> Array:
+    def _room(
+        self, scene: Scene, others: Others, place: Complex, facing: Complex, margin: float | None = None
+    ) -> Array:
         """(m,) m, room that an ego at `place` (T,) m facing `facing` (T,) has towards each; inf if it does
-        not come near.
+        not come near. `margin`: m, else last_resort_margin.
         """
-        body = scene.vehicle
+        body, margin = scene.vehicle, self._margin if margin is None else margin
         return room_left(
             others.place, others.facing, others.half, others.still, place, facing,
-            0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
+            0.5 * body.length, 0.5 * body.width, margin, STILL_MARGIN,
         )  # fmt: skip
 
     def _stop(self, scene: Scene, u: Array) -> Poses:

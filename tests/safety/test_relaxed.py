@@ -72,6 +72,13 @@ def test_so_does_one_with_a_slow_leader_or_before_somebody_who_speeds_up_or_cann
     assert (answer.u == GENTLY).all()
 
 
+@pytest.mark.parametrize(("distance", "goes_on"), [(10.0, True), (9.7, False)])
+def test_half_the_margin_is_enough_where_a_stop_would_be_hit(distance: float, goes_on: bool) -> None:
+    """icy_junction, seeds 330007 and 330103: it missed by less than the margin, stopped, and was hit."""
+    answer = SafetyFilter(ECBF).filter(speeding_up(distance, 3.42, 1.7, x=-0.53, v=1.62), GENTLY)
+    assert answer.onwards is goes_on
+
+
 @pytest.mark.parametrize("dt", [0.1, 1.0, 2.0])
 def test_an_ego_that_goes_on_and_then_stops_never_drives_backwards(dt: float) -> None:
     """Also where a step is longer than the time for which it goes on."""
@@ -94,7 +101,7 @@ def test_an_ego_that_goes_on_and_then_stops_never_drives_backwards(dt: float) ->
         ("somebody stands on its way", in_the_way(Other(6.5, 0.0))),
         ("somebody else comes", in_the_way(Other(0.0, 9.0, -math.pi / 2, 4.0))),
         ("its leader leaves it no room beyond the other's way", in_the_way(Other(7.0, 0.0, 0.0, 1.0))),
-        ("the other, who speeds up, would hit it", speeding_up(10.95, 3.42, 3.0, x=-0.53, v=1.62)),
+        ("the other, who speeds up, would hit it", speeding_up(10.95, 3.42, 3.4, x=-0.53, v=1.62)),
     ],
 )
 def test_it_does_not_go_on_where(why: str, scene: Scene) -> None:
