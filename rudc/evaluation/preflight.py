@@ -149,7 +149,7 @@ def _nobody(scenario: Scenario) -> Iterator[str]:
         if not any(arrivals(network.paths, row, who == "oncoming").any() for row in rows)
     }  # fmt: skip
     for number, event in enumerate(scenario.events, start=1):
-        for who in sorted(selected([event]) & missing.keys()):
+        for who in sorted(missing.keys() & selected([event])):
             yield (
                 f"event {numbered(number, event)} can never happen: no arm lies {missing[who]}, from "
                 f"which a vehicle ({who}) would come"

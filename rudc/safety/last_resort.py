@@ -201,19 +201,19 @@ class LastResort:
             (others.during(slice(len(self._usual))), kept),
         )
         ways = way, *(self._ended(scene, way, end_s) for end_s in reversed(GOES_ON_S))
-        clear = any(self._is_clear(scene, avoided, hits, *self._along(scene, going, w)) for w in ways)
+        clear = any(self._is_clear(scene, avoided, hits, self._along(scene, going, w)) for w in ways)
         return who if clear and self.instead_of(scene, going) is None else who[:0]
 
     def _is_clear(
-        self, scene: Scene, avoided: tuple[tuple[Others, Flags], ...], tight: Flags, *poses: Complex
+        self, scene: Scene, avoided: tuple[tuple[Others, Flags], ...], tight: Flags, way: Poses
     ) -> bool:
-        """Whether an ego with the `poses` (T,) m and (T,) keeps clear of those that are flagged, for as long
-        as they are predicted, with a TIGHT margin where `tight` (m,).
-        """
+        """Whether an ego on its `way` keeps clear of those that are flagged, for as long as they are
+        predicted, with a TIGHT margin where `tight` (m,)."""
+        place, facing = way
         for others, flags in avoided:
             end = others.place.shape[1]
             for share, rows in ((1.0, flags & ~tight), (TIGHT, flags & tight)):
-                room = self._room(scene, others, *(pose[:end] for pose in poses), share * self._margin)
+                room = self._room(scene, others, place[:end], facing[:end], share * self._margin)
                 if (room[rows] < -CREEPING).any():
                     return False
         return True

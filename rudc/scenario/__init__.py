@@ -7,8 +7,9 @@ from rudc.scenario.library import shipped_scenarios
 from rudc.scenario.loader import find_scenarios, load_scenario
 from rudc.scenario.model import Scenario
 from rudc.scenario.plan import EgoPlan, EpisodePlan, TrafficPlan
+from rudc.scenario.selectors import Selector
 from rudc.scenario.template import scenario_template
-from rudc.scenario.triggers import Selector, Trigger
+from rudc.scenario.triggers import Trigger
 
 __all__ = [
     "EVENT_KINDS",

@@ -139,7 +139,7 @@ def _type(field: FieldInfo) -> str:
     part, many = _model_of(field.annotation)
     if part is not None:
         kinds = f"; kinds: {', '.join(EVENT_KINDS)}" if part is Event else ""
-        return f"list of mappings{kinds}" if many else "mapping"
+        return f"list of mappings{kinds}" if many else " | ".join([*_words(field.annotation), "mapping"])
     if bounds:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
         if _is_dict(field.annotation):

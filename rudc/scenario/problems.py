@@ -18,12 +18,13 @@ from rudc.scenario.choices import WordChoice
 from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
 from rudc.scenario.dotted import Path
 from rudc.scenario.events.registry import EVENT_KINDS, tag_of
+from rudc.scenario.selectors import ByArm
 from rudc.scenario.units import unit_of
 
 _FORMS: dict[str, type[FileModel]] = {
     f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)
 }
-_FORMS["<words>"] = WordChoice
+_FORMS |= {"<words>": WordChoice, "<by arm>": ByArm}
 _PAIR = {"mean": 0, "std": 1}
 """places in [mean, std]"""
 
@@ -104,6 +105,8 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
         case "float_type" | "float_parsing":
             forms = f", {FORMS}" if "<constant>" in loc else ""
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
+    if "<role>" in loc:
+        context = {**context, "form": " or {from: ARM, turn: ...}"}
     if "<word>" in loc:
         context = {**context, "form": " or {choice: [...]}"}
     elif path[:1] and path[0] not in FIXED and path[-1] != "name":
@@ -146,7 +149,7 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str) -> s
 def _not_drawn(value: Any, context: Mapping[str, Any]) -> str:
     """What there is instead, where a distribution stands for a word that cannot be drawn; else nothing."""
     drawn = isinstance(value, Mapping) and value and set(value) <= {"uniform", "normal", "choice"}
-    if not drawn or "form" in context:
+    if not drawn or "choice" in context.get("form", ""):
         return ""
     instead = "; to run several values, list them under `sweep`" if "may_be_swept" in context else ""
     return f"; a distribution cannot stand here{instead}"

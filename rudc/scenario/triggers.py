@@ -13,10 +13,7 @@ from pydantic_core import CoreSchema
 
 from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
-
-Selector = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
-"""Which surrounding vehicle, seen from the ego at the moment it is asked; `same` is the vehicle of the event
-that `event_state` names."""
+from rudc.scenario.selectors import Selector
 
 Second = Annotated[AnyDistribution, Bounds(0, 600, "s")]
 Metre = Annotated[AnyDistribution, Bounds(0, 1000, "m")]

@@ -8,6 +8,8 @@ if the traffic already has such a vehicle:
                          is as far away as the ego's safe start asks (spawn.py).
     oncoming, crossing   a vehicle that reaches its stop line at about the same time as the ego, and crosses
                          the ego's path.
+    by a named arm       the same, though its path need not cross the ego's; nobody is added on the ego's own
+                         arm.
 
 Otherwise one vehicle is added, on top of those that the density asks for, where it can stop before what
 stands on its lane. Where the network has no place for it (a T-junction without an opposite arm), none is
@@ -17,12 +19,13 @@ added and the event never begins; where only the road has none, it waits until t
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rudc.arrays import Flags
 from rudc.geometry import rectangle_gaps
+from rudc.scenario.selectors import ByArm
 from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
 from rudc.world.spawn import ROUNDED_M, Entry, braking_of, entry, safe_gap
@@ -41,20 +44,30 @@ NEAR_S = 3.0
 """s of headway, in addition to `APART_M`, up to which a vehicle of the traffic serves as leader or follower,
 at the ego's pace (`_pace`)"""
 EARLY_S, LATE_S = 1.0, 5.0
-"""s by which an oncoming or crossing vehicle may reach its stop line before and after the ego does"""
+"""s by which a vehicle on another arm may reach its stop line before and after the ego does"""
 CLEAR_M = 7.0
 """m, least gap between a vehicle that is added on another arm and any other"""
 LOOK_M = 0.5
 """m between the places on a lane at which it is tested whether something stands there"""
 TRIES = 20
-"""how many places are tried for an oncoming or crossing vehicle, and kinds for a leader or follower"""
+"""how many places are tried for a vehicle on another arm, and kinds for a leader or follower"""
 
 
-def selected(events: Iterable[Event]) -> set[str]:
-    """The selectors that are named by events and by the conditions of their triggers."""
+class _Placed(NamedTuple):
+    """A vehicle that was added on another arm than the ego's."""
+
+    name: str
+    movement: Movement
+    body: tuple[float, ...]
+    """x, y (m), heading (rad), length and width (m)"""
+
+
+def selected(events: Iterable[Event]) -> list[str | ByArm]:
+    """The selectors that are named by events and by the conditions of their triggers, each once."""
     asked: list[Any] = [*events]
     asked += [condition for event in events if event.when for condition in event.when.conditions.values()]
-    return {str(part.vehicle) for part in asked if getattr(part, "vehicle", None)}
+    named = (getattr(part, "vehicle", None) for part in asked)
+    return [*dict.fromkeys(who for who in named if isinstance(who, str | ByArm))]
 
 
 def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.random.Generator) -> list[str]:
@@ -65,10 +78,13 @@ def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.rando
     for selector in ("leader", "follower"):
         if selector in wanted:
             added += _in_line(scene, stage, rng, ahead=selector == "leader")
-    for selector in ("oncoming", "crossing"):
-        if selector in wanted and not _due(scene, selector):
-            added += _towards_junction(scene, stage, rng, oncoming=selector == "oncoming")
-    return added
+    by_arm = sorted((who for who in wanted if isinstance(who, ByArm)), key=lambda who: who.turn is None)
+    placed: list[_Placed] = []
+    for selector in (*(who for who in ("oncoming", "crossing") if who in wanted), *by_arm):
+        there = comes_from(scene, selector)
+        if not _due(scene, selector) and not any(there[_row(scene, one.movement)] for one in placed):
+            placed += _towards_junction(scene, stage, rng, selector, placed)
+    return [*added, *(one.name for one in placed)]
 
 
 def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: bool) -> list[str]:
@@ -161,21 +177,26 @@ def _pace(scene: Scene) -> float:
     return max(scene.ego.v, 0.5 * scene.route.speed_limit)
 
 
-def _due(scene: Scene, selector: str) -> bool:
+def _due(scene: Scene, selector: str | ByArm) -> bool:
     """Whether a vehicle that the selector can name reaches its stop line at about the ego's time. If one that
     is added would cross the ego's path, only those count that do.
     """
-    oncoming = selector == "oncoming"
-    due = towards_junction(scene, oncoming=oncoming) - _arrival_s(scene)
+    due = towards_junction(scene, selector) - _arrival_s(scene)
     soon, crosses = (due > -EARLY_S) & (due < LATE_S), _crosses(scene)
-    added = _crossing(scene, oncoming)  # all of them cross the ego's path, or none
+    added = _crossing(scene, selector)  # all of them cross the ego's path, or none
     if added and crosses[_row(scene, added[0])]:
         soon &= crosses[scene.path]
     return bool(soon.any())
 
 
-def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator, oncoming: bool) -> list[str]:
-    network, movements = stage.network, _crossing(scene, oncoming)
+def _towards_junction(
+    scene: Scene, stage: WorldStage, rng: np.random.Generator, selector: str | ByArm, placed: list[_Placed]
+) -> list[_Placed]:
+    """Add one vehicle that comes as the selector says, if there is a place for it."""
+    network, movements = stage.network, _crossing(scene, selector)
+    bodies = [one.body for one in placed]
+    others = np.column_stack([scene.position, scene.heading, scene.size])
+    others = np.concatenate([others, np.array(bodies).reshape(-1, 5)])
     for _ in range(TRIES if movements else 0):
         movement, kind = movements[rng.integers(len(movements))], stage.traffic.draw_type()
         route = network.route(movement.origin, movement.destination)
@@ -184,15 +205,16 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
         front = min(route.stop_line_s, max(route.stop_line_s - to_stop, VEHICLE_TYPES[kind].length + 1.0))
         length, width = VEHICLE_TYPES[kind].length, VEHICLE_TYPES[kind].width
         x, y, psi = (float(value) for value in route.path.pose(front - 0.5 * length))
-        others = scene.position, scene.heading, scene.size
-        clear = (rectangle_gaps(x, y, psi, length, width, *others) > CLEAR_M).all()
+        gaps = rectangle_gaps(x, y, psi, length, width, others[:, :2], others[:, 2], others[:, 3:])
+        clear = (gaps > CLEAR_M).all()
         clear = (
             clear
             and _free_way(stage, route, front, safe_gap(speed, 0.0, braking_of(scene, ego=False))) == np.inf
         )
         place = entry(network, route, front)
         if clear and stage.traffic.may_drive(kind, movement, place.lane):
-            return [stage.traffic.add(stage.traffic.draw_driver(movement, kind), place, speed)]
+            name = stage.traffic.add(stage.traffic.draw_driver(movement, kind), place, speed)
+            return [_Placed(name, movement, (x, y, psi, length, width))]
     return []
 
 
@@ -211,12 +233,15 @@ def _free_way(stage: WorldStage, route: Route, s: float, way: float) -> float:
     return float(free)
 
 
-def _crossing(scene: Scene, oncoming: bool) -> list[Movement]:
-    """Movements from the opposite arm (`oncoming`), or else from the arms to the sides: those that cross the
-    ego's path, or all of them if none does.
+def _crossing(scene: Scene, selector: str | ByArm) -> list[Movement]:
+    """Movements of those that come as the selector says (`comes_from`), on other arms than the ego's: those
+    that cross the ego's path, or all of them if none does.
     """
-    there, crosses = comes_from(scene, oncoming), _crosses(scene)
-    found = [movement for movement in scene.network.onward if there[movement.rows[0]]]
+    there, crosses = comes_from(scene, selector), _crosses(scene)
+    found = [
+        movement for movement in scene.network.onward
+        if there[movement.rows[0]] and movement.origin != scene.route.origin
+    ]  # fmt: skip
     return [movement for movement in found if crosses[_row(scene, movement)]] or found
 
 

@@ -24,7 +24,9 @@ from rudc.scenario.dotted import Path
 from rudc.scenario.fit import Parts
 from rudc.scenario.problems import Problem
 from rudc.scenario.sections import Ego, Traffic, may_be_zero
+from rudc.scenario.selectors import ByArm
 from rudc.world.demand import Demand
+from rudc.world.events.selection import by_arm
 from rudc.world.obstacles import in_the_way
 from rudc.world.spawn import movements_of
 
@@ -50,6 +52,8 @@ def misfits(parts: Parts) -> list[Problem]:
     for i, event in parts.events.items():
         for path, part in _placed(event, ("events", i)):
             found += _of_another_type(path, part) or _misplaced(network, movements, path, part)
+        for path, who in _by_arm(event, ("events", i)):
+            found += _nobody_by(network, path, who)
     if parts.ego is not None:
         found += in_the_way(network, movements, parts.ego, parts.events)
     return found
@@ -150,6 +154,29 @@ def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
             yield path, value
     for key, part in parts_of(value):
         yield from _placed(part, (*path, key))
+
+
+def _by_arm(value: Any, path: Path) -> Iterator[tuple[Path, ByArm]]:
+    """Every selector of an event, and of its conditions, that names an arm, and its own place in the file."""
+    if isinstance(value, ByArm):
+        yield path, value
+    elif isinstance(value, FileModel):
+        for key, part in parts_of(value):
+            yield from _by_arm(part, (*path, key))
+
+
+def _nobody_by(network: Network, path: Path, who: ByArm) -> list[Problem]:
+    """The problems with the arm of a selector, and with its turn: with each that may be drawn."""
+    problems = []
+    for name in possible(who.origin):
+        try:
+            if not by_arm(network, who.model_copy(update={"origin": name})).any():
+                turn = f" {who.turn}" if who.turn else ""
+                text = f"network {network.name}: no way leads{turn} from {name!r}"
+                problems.append(Problem((*path, "turn" if who.turn else "from"), text))
+        except NetworkError as error:
+            problems.append(Problem((*path, "from"), str(error)))
+    return problems
 
 
 def _of_another_type(path: Path, part: Any) -> list[Problem]:

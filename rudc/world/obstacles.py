@@ -26,7 +26,7 @@ from rudc.scenario.events.registry import ask_effect
 from rudc.scenario.events.stage import Body, Halt, XYHeading
 from rudc.scenario.poses import Pose
 from rudc.scenario.problems import Problem
-from rudc.scenario.triggers import Selector
+from rudc.scenario.selectors import Selector
 from rudc.world.events.places import (
     ON_THE_ROAD,
     NetworkStage,

@@ -19,7 +19,8 @@ from pydantic import AfterValidator
 from rudc.scenario.base import FileModel, NonEmpty, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Distribution, draw
 from rudc.scenario.events.stage import Stage, Thing
-from rudc.scenario.triggers import Selector, Trigger, awaited
+from rudc.scenario.selectors import Selector
+from rudc.scenario.triggers import Trigger, awaited
 
 Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
 Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]

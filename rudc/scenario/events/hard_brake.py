@@ -8,7 +8,7 @@ from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import HARDEST, Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.triggers import Selector
+from rudc.scenario.selectors import Selector
 
 
 class HardBrake(VehicleEvent, frozen=True):

@@ -7,7 +7,7 @@ from typing import Literal
 from rudc.scenario.events.event import Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.triggers import Selector
+from rudc.scenario.selectors import Selector
 
 
 class PriorityViolation(VehicleEvent, frozen=True):

@@ -8,7 +8,7 @@ from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events.event import Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.triggers import Selector
+from rudc.scenario.selectors import Selector
 
 
 class Speeding(VehicleEvent, frozen=True):

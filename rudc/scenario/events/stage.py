@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.scenario.poses import Pose, VehicleType
-from rudc.scenario.triggers import Selector
+from rudc.scenario.selectors import Selector
 
 XYHeading = tuple[float, float, float]
 ROADSIDE_M = 1.5

@@ -13,7 +13,8 @@ from rudc.scenario.events.event import ROUNDED_S, UNHURRIED, Duration, Held, Veh
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.poses import AnyVehicleType
-from rudc.scenario.triggers import Metre, Selector
+from rudc.scenario.selectors import Selector
+from rudc.scenario.triggers import Metre
 
 STANDS = 0.1
 """m/s, below which a stalled vehicle has come to rest; nearly 0, since its duration counts from there"""

@@ -34,7 +34,7 @@ from rudc.world.scene import Kind, Scene
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
     from rudc.network.road import Lane
-    from rudc.scenario.triggers import Selector
+    from rudc.scenario.selectors import Selector
     from rudc.world.brakes import Brakes
     from rudc.world.ego import EgoPlant
     from rudc.world.perception import Sensors

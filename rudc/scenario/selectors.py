@@ -1,0 +1,36 @@
+"""Which surrounding vehicle an event or a condition means, seen from the ego at the moment it is asked.
+
+A file writes a word, such as `leader`, or an arm by which the vehicle comes: `{from: north, turn: left}`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from rudc.scenario.base import FileModel
+from rudc.scenario.choices import Place
+
+Role = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
+"""`same` is the vehicle of the event that `event_state` names"""
+
+
+class ByArm(FileModel, frozen=True):
+    """The vehicle that reaches its stop line first, of those that come by an arm: of those whose way crosses
+    the ego's, if there are any."""
+
+    origin: Place = Field(alias="from")
+    """arm (compass name) or edge it comes by"""
+    turn: Literal["left", "straight", "right"] | None = None
+    """where it turns; by default anywhere"""
+
+
+def _form(value: Any) -> str:
+    """Tag of the form a selector is written in; tags carry brackets so that none reads like a key."""
+    by_arm = isinstance(value, ByArm) or (isinstance(value, Mapping) and "choice" not in value)
+    return "<by arm>" if by_arm else "<role>"
+
+
+Selector = Annotated[Annotated[Role, Tag("<role>")] | Annotated[ByArm, Tag("<by arm>")], Discriminator(_form)]

@@ -1,0 +1,109 @@
+"""`vehicle: {from: ARM, turn: TURN}`: whom it selects, and who is added for it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.errors import ScenarioError
+from rudc.geometry import rectangle_gaps
+from rudc.scenario import load_scenario
+from rudc.scenario.selectors import ByArm
+from rudc.world.casting import selected
+from rudc.world.events.selection import pick, towards_junction
+from rudc.world.fitting import misfits
+from tests.plans import PlanSource, event
+
+QUIET = PlanSource(density=0.0, origin="south", turn="straight", speed=(8.0, 8.0))
+RNG = np.random.default_rng(0)
+
+
+def brake(**arm):
+    return event("hard_brake", vehicle=arm, when={"simulation_time": {"above": 100.0}})
+
+
+def by(origin, turn=None):
+    return ByArm(origin=origin, turn=turn)
+
+
+def test_each_is_asked_for_once():
+    near = event("density_surge", density=5, when={"time_headway": {"vehicle": {"from": "east"}, "below": 2}})
+    events = brake(**{"from": "north", "turn": "left"}), near, brake(**{"from": "east"})
+    assert selected(events) == [by("north", "left"), by("east")]
+
+
+@pytest.mark.parametrize("turn", ["left", "straight", "right"])
+@pytest.mark.parametrize("origin", ["north", "east", "west"])
+def test_one_is_added_that_comes_so_about_when_the_ego_does(world, origin, turn):
+    """Whether its way crosses the ego's or not."""
+    for seed in range(2):
+        source = replace(QUIET, events=(brake(**{"from": origin, "turn": turn}),))
+        scene = world.reset(source.plan(seed))
+        (row,) = pick(scene, by(origin, turn), RNG)
+        driver = world.traffic.drivers[scene.ids[row]]
+        movement = scene.network.movement(driver.origin, driver.destination)
+        assert (movement.origin, movement.turn) == (origin, turn)
+        due = towards_junction(scene, by(origin, turn))[row]
+        assert -1.5 < due - (scene.route.stop_line_s - scene.ego_s) / scene.ego.v < 6.0
+
+
+def test_nobody_is_added_where_one_comes_or_on_the_egos_own_arm(world):
+    added = brake(**{"from": "south"})
+    assert world.reset(replace(QUIET, events=(added,)).plan(0)).count == 0
+    general = brake(**{"from": "east"}), brake(**{"from": "east", "turn": "left"})
+    for seed in range(4):
+        scene = world.reset(replace(QUIET, events=general).plan(seed))
+        assert scene.count == 1, "who turns left comes from there, too"
+
+
+def test_two_on_one_arm_keep_their_distance(world):
+    """Of those that turn left and go straight, who start on neighbouring lanes or behind each other."""
+    both = brake(**{"from": "east", "turn": "straight"}), brake(**{"from": "east", "turn": "left"})
+    for seed in range(6):
+        scene = world.reset(replace(QUIET, events=both).plan(seed))
+        assert scene.count in (1, 2)
+        if scene.count == 2:
+            assert rectangle_gaps(
+                *scene.position[0], scene.heading[0], *scene.size[0],
+                scene.position[1:], scene.heading[1:], scene.size[1:],
+            )[0] > 5.0  # fmt: skip
+
+
+def test_the_first_at_its_stop_line_is_chosen_of_those_that_cross_the_egos_way_if_any_does(world):
+    crossed = 0
+    for seed in range(6):
+        scene = world.reset(replace(QUIET, density=40.0).plan(seed))
+        paths, conflicts = scene.network.paths, scene.network.conflict(scene.route)
+        svs = np.flatnonzero(scene.path >= 0)
+        for arm in ("north", "east", "west"):
+            index = [known.name for known in scene.network.arms].index(arm)
+            before = paths.stop_s[scene.path[svs]] - scene.path_s[svs]
+            comes = svs[(paths.origin[scene.path[svs]] == index) & (before > 0.0)].tolist()
+            across = [i for i in comes if not math.isnan(conflicts[scene.path[i], 0])]
+            found = pick(scene, by(arm), RNG)
+            if not comes:
+                assert not found
+                continue
+            due = {
+                i: (paths.stop_s[scene.path[i]] - scene.path_s[i]) / max(math.hypot(*scene.velocity[i]), 0.5)
+                for i in across or comes
+            }
+            assert found == [min(due, key=due.__getitem__)], (seed, arm)
+            crossed += bool(across)
+    assert crossed > 5
+
+
+def test_arms_and_turns_that_the_network_lacks_are_said_each_once():
+    events = [
+        {"kind": "hard_brake", "vehicle": {"from": "nroth", "turn": "left"}},
+        {"kind": "hard_brake", "vehicle": {"from": {"choice": ["east", "south"]}, "turn": "straight"}},
+        {"kind": "hard_brake", "when": {"time_headway": {"vehicle": {"from": "north"}, "below": 2}}},
+    ]
+    with pytest.raises(ScenarioError) as error:
+        load_scenario("random_destination", {"network": "t_junction", "events": events}, misfits)
+    said = str(error.value)
+    assert "events.0.vehicle.from: no arm 'nroth'" in said
+    assert "events.1.vehicle.turn: network t_junction: no way leads straight from 'south'" in said
+    assert "events.2.when.time_headway.vehicle.from: no arm 'north'" in said
+    assert len(said.splitlines()) == 3
