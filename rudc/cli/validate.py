@@ -162,8 +162,9 @@ def _tried(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], list
             driven = drive_and_count(point, seeds)
             if ended := driven.seeds:
                 hits = {seed: met._asdict() for seed, met in driven.hits.items()}
-                told = {"outcomes": driven.outcomes, "seeds": ended, "hits": hits, "text": driven.ends}
-                ends.append({"swept": swept, **told})
+                astray = {seed: where._asdict() for seed, where in driven.astray.items()}
+                told = {"outcomes": driven.outcomes, "seeds": ended, "hits": hits, "astray": astray}
+                ends.append({"swept": swept, **told, "text": driven.ends})
             firings += [
                 {"swept": swept, **asdict(one), "fired": one.fired, "text": str(one)}
                 for one in driven.firings

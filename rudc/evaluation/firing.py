@@ -123,6 +123,19 @@ class Hit(NamedTuple):
         return f"{self.hit}, fault {self.fault}{' (put too near to stop)' * self.sudden}"
 
 
+class Astray(NamedTuple):
+    """Where the ego left the road, or drove where it may not."""
+
+    speed_mps: float
+    """m/s, how fast it was"""
+    past_stop_m: float
+    """m along its path from its stop line to its centre, negative before it"""
+
+    def __str__(self) -> str:
+        where = "past" if self.past_stop_m >= 0.0 else "before"
+        return f"{abs(self.past_stop_m):.0f} m {where} its stop line at {self.speed_mps:.1f} m/s"
+
+
 class Tried(NamedTuple):
     """What came of some episodes of a scenario."""
 
@@ -134,6 +147,8 @@ class Tried(NamedTuple):
     """what is wrong with those that cannot be set up or driven, a line each"""
     hits: dict[int, Hit]
     """seed -> the collision of the ego in that episode"""
+    astray: dict[int, Astray]
+    """seed -> where it left the road in that episode, or drove where it may not"""
 
     @property
     def outcomes(self) -> dict[str, int]:
@@ -152,8 +167,9 @@ class Tried(NamedTuple):
         seeds = self.seeds[outcome]
         if outcome == Outcome.SUCCESS:
             return ""
-        named = [f"{seed}: {met}" if (met := self.hits.get(seed)) else str(seed) for seed in sorted(seeds)]
-        between = "; " if self.hits.keys() & set(seeds) else ", "
+        known: dict[int, Hit | Astray] = {**self.hits, **self.astray}
+        named = [f"{seed}: {what}" if (what := known.get(seed)) else str(seed) for seed in sorted(seeds)]
+        between = "; " if known.keys() & set(seeds) else ", "
         return f" (seed{'s' * (len(seeds) != 1)} {between.join(named)})"
 
 
@@ -165,6 +181,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     ]
     wrong: list[str] = []
     hits: dict[int, Hit] = {}
+    astray: dict[int, Astray] = {}
     waiting = deque(seeds)
     while waiting:  # once more with a new world after an episode that went wrong
         with World(load_network(scenario.network, scenario.junction)) as world:
@@ -180,10 +197,13 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                 ended.setdefault(record.outcome, []).append(seed)
                 if seen.hit:
                     hits[seed] = seen.hit
+                if record.outcome in (Outcome.OFF_ROAD, Outcome.WRONG_WAY):
+                    truth = episode.truth
+                    astray[seed] = Astray(truth.ego.v, float(truth.ego_s - truth.route.stop_line_s))
                 _count(found, world, seed, seen.refused)
                 for number, gap in seen.gaps.items():
                     found[number - 1].nearest_m[seed] = gap
-    return Tried(found, ended, wrong, hits)
+    return Tried(found, ended, wrong, hits, astray)
 
 
 class _Seen:

@@ -45,6 +45,8 @@ def read_net(path: Path) -> Any:
                 raise NetworkError(f"{path}: left-hand traffic is not supported")
             super().startElement(name, attrs)
 
+    if path.suffix in (".yaml", ".yml"):
+        raise NetworkError(f"{path}: {NO_NETWORK}; `rudc scenario validate` checks a scenario")
     reader = Reader(withInternal=True)
     opener = gzip.open if path.suffix == ".gz" else open
     try:

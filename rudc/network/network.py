@@ -111,6 +111,13 @@ class Network(Layout):
         same = [known for known in self._outer if known.rpartition("_")[0] == name.rpartition("_")[0]]
         if same:
             raise NetworkError(f"no lane {name!r} in network {self.name}; cars have {', '.join(same)} there")
+        for arm in self.arms:
+            lanes = {f"{arm.name}_in": arm.in_lanes, f"{arm.name}_out": arm.out_lanes}
+            if lanes.get(name.rpartition("_")[0]) == ():
+                raise NetworkError(
+                    f"no lane {name!r} in network {self.name}: arm {arm.name!r} is one-way, "
+                    f"nothing {'enters' if arm.out_lanes else 'leaves'} by it"
+                )
         known = ", ".join([*self._outer, *list(self._inner)[:1]])
         hint = did_you_mean(name, may_mean(name, [*self._outer, *self._inner, *EGO_LANES]))
         hint = hint or f"; there are: {known} and others inside"

@@ -75,20 +75,26 @@ def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Itera
     """The events as a file gives them, names in `event_state` replaced by numbers. Adds what is wrong with
     names to the problems."""
     keys, numbers = ("when", "event_state", "event"), dict[str, int]()
-    for k, event in enumerate(events):
-        given = event if isinstance(event, dict) else {"name": getattr(event, "name", None)}
+    read = [event if isinstance(event, dict) else {"name": getattr(event, "name", None)} for event in events]
+    for k, (event, given) in enumerate(zip(events, read, strict=True)):
         if isinstance(called := value_at(given, ".".join(keys)), str):
             called = called.strip()
             if called not in numbers:
                 known = there_are(called, numbers) if numbers else "; none has a name"
                 known = "; a number stands without quotes" if called.isdecimal() else known
+                later = next(
+                    (i for i, other in enumerate(read) if i > k and other.get("name") == called), None
+                )
+                known = known if later is None else f": events.{later} is, and it must stand before this one"
                 message = f"no event before this one is called {called!r}{known}"
                 problems.append(detail(message, (k, *keys), events))
             event, _ = with_value(given, ".".join(keys), numbers.get(called, 0))
         yield event
         if isinstance(name := given.get("name"), str) and (name := name.strip()):
             if name in numbers:
-                problems.append(detail(f"event {numbers[name]} is called {name!r}, too", (k, "name"), events))
+                problems.append(
+                    detail(f"events.{numbers[name]} is called {name!r}, too", (k, "name"), events)
+                )
             numbers[name] = k
 
 
@@ -121,7 +127,7 @@ def _of_a_vehicle(events: tuple[Event, ...]) -> tuple[Event, ...]:
             first, last = (int(end) for end in state.event.support)
             for i in range(first, last + 1):
                 if getattr(events[i], "vehicle", None) is None:
-                    refuse(f"event {i}, for which this one waits, takes hold of no vehicle", k, *key)
+                    refuse(f"events.{i}, for which this one waits, takes hold of no vehicle", k, *key)
     return events
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,9 +43,7 @@ class Demand:
             wanted[arm] = wanted.get(arm, 0.0) + share
         self._origins = sorted(name for name, share in wanted.items() if share and name in self._movements)
         if not self._origins:
-            how = "" if turns is None else f" {' or '.join(turns)}"
-            where = "" if origins is None else f" from {' or '.join(origins)}"
-            raise NetworkError(f"network {network.name}: no way leads{how}{where}")
+            raise NetworkError(no_way(network, origins, turns))
         self._arms = _cumulative([wanted[name] for name in self._origins])
 
     def draw(self, closed: Collection[tuple[str, str]], rng: np.random.Generator) -> Movement:
@@ -59,6 +57,16 @@ class Demand:
         alike = [movement.turn for movement in choices]
         shares = [self._turns[turn] / alike.count(turn) for turn in alike]
         return choices[bisect_right(_cumulative(shares), rng.random())]
+
+
+def no_way(network: Network, origins: Iterable[str] | None, turns: Iterable[str] | None) -> str:
+    """Says that nobody comes by the arms (None: by any) with one of the turns (None: with any)."""
+    names = [*(origins or ())]
+    if names and not any(network.arm(name).in_lanes for name in names):
+        return f"network {network.name}: nothing enters by {' or '.join(names)}, which is one-way"
+    how = "" if turns is None else f" {' or '.join(turns)}"
+    where = f" from {' or '.join(names)}" if names else ""
+    return f"network {network.name}: no way leads{how}{where}"
 
 
 def _cumulative(shares: Sequence[float]) -> list[float]:

@@ -25,7 +25,7 @@ from rudc.scenario.fit import Parts
 from rudc.scenario.problems import Problem
 from rudc.scenario.sections import Ego, Traffic, may_be_zero
 from rudc.scenario.selectors import ByArm
-from rudc.world.demand import Demand
+from rudc.world.demand import Demand, no_way
 from rudc.world.events.selection import by_arm
 from rudc.world.obstacles import in_the_way
 from rudc.world.spawn import movements_of
@@ -171,9 +171,9 @@ def _nobody_by(network: Network, path: Path, who: ByArm) -> list[Problem]:
     for name in possible(who.origin):
         try:
             if not by_arm(network, who.model_copy(update={"origin": name})).any():
-                turn = f" {who.turn}" if who.turn else ""
-                text = f"network {network.name}: no way leads{turn} from {name!r}"
-                problems.append(Problem((*path, "turn" if who.turn else "from"), text))
+                text = no_way(network, [name], who.turn and [who.turn])
+                key = "turn" if who.turn and network.arm(name).in_lanes else "from"
+                problems.append(Problem((*path, key), text))
         except NetworkError as error:
             problems.append(Problem((*path, "from"), str(error)))
     return problems

@@ -26,7 +26,7 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, seeds, wrong, _ = drive_and_count(load_scenario(name), range(2))
+    firings, seeds, wrong, *_ = drive_and_count(load_scenario(name), range(2))
     assert wrong == []
     assert sorted(chain(*seeds.values())) == [0, 1]
     for firing in firings:
@@ -163,7 +163,7 @@ events:
 def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path = tmp_path / "overlap.yaml"
     path.write_text(OVERLAP, encoding="utf-8")
-    firings, seeds, wrong, _ = drive_and_count(load_scenario(path), range(6))
+    firings, seeds, wrong, *_ = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
     assert all("seed " in text and "would stand in the same place" in text for text in wrong)
     assert firings[0].episodes == len([*chain(*seeds.values())]) == 6 - len(wrong)
@@ -199,6 +199,18 @@ def test_whom_the_ego_hit_and_whose_fault_it_was_is_said():
     assert driven.hits == dict.fromkeys(hit, ("bicycle", "other", False))
     said = "; ".join(f"{seed}: bicycle, fault other" for seed in hit)
     assert f"{len(hit)} collision (seed{'s' * (len(hit) > 1)} {said})" in driven.ends
+
+
+def test_where_the_ego_left_the_road_and_how_fast_is_said():
+    ice = {"kind": "low_friction", "friction": 0.03, "when": {"ego_distance_to_junction": {"below": 1}}}
+    route = {"from": "south", "turn": "right"}
+    settings = {"events": [ice], "traffic.density": 0, "ego.route": route, "ego.speed": 9}
+    driven = drive_and_count(load_scenario("random_destination", settings), range(1))
+    (astray,) = driven.astray.values()
+    assert 5.0 < astray.past_stop_m < 15.0
+    assert 5.0 < astray.speed_mps < 9.0
+    said = f"{astray.past_stop_m:.0f} m past its stop line at {astray.speed_mps:.1f} m/s"
+    assert driven.ends == f"planner drives 1 episode: 1 off_road (seed 0: {said})"
 
 
 def test_what_an_event_put_too_near_to_stop_is_said():

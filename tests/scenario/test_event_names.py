@@ -52,11 +52,11 @@ def test_every_problem_with_names_and_what_else_is_wrong(problems):
     check(
         found,
         "3:65: events.0.when.event_state.event: no event before this one is called 'van'; none has a name",
-        "4:30: events.1.name: event 0 is called 'lorry', too",
+        "4:30: events.1.name: events.0 is called 'lorry', too",
         "5:30: events.2.name: expected a name of letters, ... that begins with a letter; got '2nd'",
         "5:49: events.2.deceleration: expected a number in m/s2...",
         "6:52: events.3.when.event_state.event: no event before ... 'lory' (did you mean 'lorry'?)...",
-        "7:52: events.4.when.event_state.event: no event before this one is called 'later'...",
+        "7:52: events.4.when.event_state.event: no event before ... 'later': events.5 is, and it must ...",
     )
 
 
@@ -87,7 +87,7 @@ def test_names_are_compared_without_the_space_around_them(problems):
     named = scenario(events=[{**LORRY, "name": " lorry "}, waiting("lorry ")])
     assert named.events[0].name == "lorry"
     found = problems("name: wrong\nevents: [{kind: hard_brake, name: ' a'}, {kind: hard_brake, name: a}]\n")
-    check(found, "2:...: events.1.name: event 0 is called 'a', too")
+    check(found, "2:...: events.1.name: events.0 is called 'a', too")
 
 
 def test_a_name_is_no_part_of_what_an_episode_depends_on():

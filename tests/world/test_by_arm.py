@@ -104,6 +104,6 @@ def test_arms_and_turns_that_the_network_lacks_are_said_each_once():
         load_scenario("random_destination", {"network": "t_junction", "events": events}, misfits)
     said = str(error.value)
     assert "events.0.vehicle.from: no arm 'nroth'" in said
-    assert "events.1.vehicle.turn: network t_junction: no way leads straight from 'south'" in said
+    assert "events.1.vehicle.turn: network t_junction: no way leads straight from south" in said
     assert "events.2.when.time_headway.vehicle.from: no arm 'north'" in said
     assert len(said.splitlines()) == 3

@@ -118,6 +118,27 @@ def test_shares_that_may_be_drawn_as_0_must_leave_somebody(tmp_path, traffic, dr
         load_scenario(path, fit=misfits)
 
 
+def test_of_a_one_way_arm_it_is_said_that_nothing_enters_by_it(tmp_path):
+    network = data_folder("results") / "held-out-11" / "one_way_grid" / "one_way_grid.net.xml"
+    path = tmp_path / "case.yaml"
+    path.write_text(
+        f"name: case\nnetwork: {network}\ntraffic: {{from: {{north: 1, east: 1}}, turns: {{left: 1}}}}\n"
+        "events:\n  - {kind: hard_brake, vehicle: {from: west, turn: left}}\n"
+        "  - {kind: wrong_way, lane: south_out_0, at: 20}\n"
+    )
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(path, fit=misfits)
+    first, east, third, fourth = str(error.value).splitlines()
+    assert first.endswith(
+        "traffic.from.north: network one_way_grid: nothing enters by north, which is one-way"
+    )
+    assert east.endswith("traffic.from.east: network one_way_grid: no way leads left from east")
+    assert third.endswith(
+        "events.0.vehicle.from: network one_way_grid: nothing enters by west, which is one-way"
+    )
+    assert fourth.endswith("arm 'south' is one-way, nothing leaves by it")
+
+
 def test_a_swept_arm_is_checked_at_its_own_place(tmp_path):
     path = tmp_path / "case.yaml"
     path.write_text(

@@ -80,7 +80,7 @@ def test_where_it_has_left_the_event_waits(world):
                 {"kind": "low_friction", "friction": 0.5},
                 {"kind": "hard_brake", "vehicle": "same", "when": AFTER},
             ],
-            r"events\.1\.vehicle: event 0, for which this one waits, takes hold of no vehicle",
+            r"events\.1\.vehicle: events\.0, for which this one waits, takes hold of no vehicle",
         ),
         (
             [FIRST, {"kind": "hard_brake", "when": {"time_headway": {"vehicle": "same", "below": 2}}}],
