@@ -32,7 +32,7 @@ The result, by `Corrected.status`:
     last_resort   whichever of these came out, it would leave the ego no way to stop or to go on without
               hitting somebody (see last_resort.py): full braking instead
     onwards   the ego goes on: at full acceleration along the route if somebody would hit it even at full
-              braking; as proposed if the relaxed action would leave it in somebody's way (last_resort.py)
+              braking; as proposed if the QP's action would leave it in somebody's way (last_resort.py)
 """
 
 from __future__ import annotations
@@ -171,21 +171,21 @@ class SafetyFilter:
             )
         filtered = self._corrected(scene, proposed, _Slack(slack, rate), residual)
         if (last := self._last_resort) is not None:
-            instead = self._onwards(scene, proposed, filtered, last) if filtered.status == "relaxed" else None
-            instead = instead or last.instead_of(scene, filtered.u)
+            instead = self._onwards(scene, proposed, filtered, last) or last.instead_of(scene, filtered.u)
             if instead is not None:
                 filtered = self._replaced(scene, proposed, filtered, instead)
         return filtered
 
     def _onwards(self, scene: Scene, proposed: Array, found: Corrected, last: LastResort) -> Instead | None:
-        """The proposed action, if the relaxed one, `found`, would leave the ego in the way of somebody, and
-        going on would not (`LastResort.would_block`)."""
-        u, mode = _within(scene.vehicle, proposed), self.constraints(scene).mode
-        road = {name for name, k in zip(found.names, mode.tolist(), strict=True) if k == 0.0}
-        if found.u[0] >= u[0] or not road.isdisjoint(found.active):
+        """The proposed action, where `found` leaves the ego in somebody's way (`LastResort.would_block`)."""
+        u, is_of_qp = _within(scene.vehicle, proposed), found.status in ("solved", "relaxed")
+        if not is_of_qp or found.u[0] >= u[0]:
             return None
-        who = last.would_block(scene, found.u, u)
-        return Instead(u, True, who) if len(who) else None
+        modes = zip(found.names, self.constraints(scene).mode.tolist(), strict=True)
+        of_the_road = any(k == 0.0 and name in found.active for name, k in modes)
+        if of_the_road or not len(who := last.would_block(scene, found.u, u)):
+            return None
+        return Instead(u, True, who)
 
     def _replaced(self, scene: Scene, proposed: Array, filtered: Corrected, instead: Instead) -> Corrected:
         """The result with the last resort's action instead."""

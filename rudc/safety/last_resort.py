@@ -40,7 +40,7 @@ it is closer already, than it is now.
                        far they overlap
     u is taken         otherwise
 
-Before that, the proposed action replaces a relaxed one (filter.py) that would leave the ego in the way of
+Before that, the proposed action replaces one of the QP (filter.py) that would leave the ego in the way of
 somebody who comes within COMING_S, if an ego that goes on is out of that way before: by every prediction of
 that other, and SPARE_S before if it keeps its speed and could still stop gently for the ego. The ego may
 stop again, behind its leader, after one of GOES_ON_S. A TIGHT margin is enough from those who would hit an

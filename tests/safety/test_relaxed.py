@@ -72,6 +72,18 @@ def test_so_does_one_with_a_slow_leader_or_before_somebody_who_speeds_up_or_cann
     assert (answer.u == GENTLY).all()
 
 
+def test_so_does_one_whose_rows_all_hold_if_it_brakes_for_a_slow_leader() -> None:
+    """held-out-29, seed 6001: it crept for a bus 12 m ahead, and stopped in a motorcycle's way."""
+    scene = in_the_way(Other(12.0, 0.0, 0.0, 0.5), distance=22.0, v=3.0)
+    without = SafetyFilter(FilterConfig.preset("ecbf", last_resort=False)).filter(scene, GENTLY)
+    assert without.status == "solved"
+    assert without.u[0] < -1.0
+    answer = SafetyFilter(ECBF).filter(scene, GENTLY)
+    assert (answer.status, answer.active) == ("onwards", ("veh:sv1",))
+    alone = make_scene([Other(12.0, 0.0, 0.0, 0.5)], x=-1.0, v=3.0)
+    assert SafetyFilter(ECBF).filter(alone, GENTLY).status == "solved", "nobody comes"
+
+
 @pytest.mark.parametrize(("distance", "goes_on"), [(10.0, True), (9.7, False)])
 def test_half_the_margin_is_enough_where_a_stop_would_be_hit(distance: float, goes_on: bool) -> None:
     """icy_junction, seeds 330007 and 330103: it missed by less than the margin, stopped, and was hit."""
