@@ -15,6 +15,7 @@ from rudc.world.scene import Kind, Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.events import Event
+    from rudc.scenario.triggers import Conditions
 
 GAP = "      "
 """between the parts of a line"""
@@ -174,14 +175,18 @@ def conditions(event: Event) -> str:
     """An event's conditions in words; empty if it has none."""
     if event.when is None:
         return ""
-    data = event.when.model_dump(mode="json", by_alias=True, exclude_none=True)
-    return " and ".join(_condition(key, value) for key, value in data.items() if key != "probability")
+    parts, groups = _together(event.when), [" and ".join(_together(one)) for one in event.when.any or ()]
+    return " and ".join([*parts, *([f"({' or '.join(groups)})"] if len(groups) > 1 else groups)])
 
 
-def _condition(name: str, says: dict[str, Any]) -> str:
+def _together(group: Conditions) -> list[str]:
+    return [_condition(name, condition) for name, condition in group.conditions.items()]
+
+
+def _condition(name: str, condition: FileModel) -> str:
     """One condition in words: the ego's distance to its stop line below 20 m."""
-    bounds = dict(says)
-    towards, place = bounds.pop("vehicle", None), bounds.pop("position", None)
+    bounds = condition.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"vehicle"})
+    towards, place = getattr(condition, "vehicle", None), bounds.pop("position", None)
     words = WHEN.get(name, _words(name))
     if name == "event_state":
         state = "began" if bounds.pop("state") == "begun" else "was over"

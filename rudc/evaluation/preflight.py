@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from rudc.network.network import Network
     from rudc.network.road import Movement
     from rudc.scenario.model import Scalar, Scenario
-    from rudc.scenario.triggers import Trigger
+    from rudc.scenario.triggers import Conditions, Trigger
 
 COUNTED = "simulation_time", "event_state"
 """conditions on a time that goes on by DECISION_S from one decision to the next"""
@@ -184,7 +184,17 @@ def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:
 
 
 def _never(when: Trigger, end: float) -> Iterator[str]:
-    """Why the conditions can never hold in an episode that ends at `end` (s), as far as that is known."""
+    """Why it can never come true in an episode that ends at `end` (s), as far as that is known."""
+    if when.chance.support[1] == 0.0:
+        yield "its probability is 0"
+    yield from _not_together(when, end)
+    groups = [[*_not_together(group, end)] for group in when.any or ()]
+    if groups and all(groups):
+        yield groups[0][0]
+
+
+def _not_together(when: Conditions, end: float) -> Iterator[str]:
+    """Why conditions can never hold together in an episode that ends at `end` (s), as far as is known."""
     fastest = EgoVehicle().v_max
     ends, drives = f"episodes end at {end:g} s (episode.timeout)", f"the ego drives at most {fastest:g} m/s"
     most = {
@@ -194,8 +204,6 @@ def _never(when: Trigger, end: float) -> Iterator[str]:
         "traveled_distance": (fastest * end, "m", f"{drives}, and {ends}"),
         "speed": (fastest, "m/s", drives),
     }
-    if when.chance.support[1] == 0.0:
-        yield "its probability is 0"
     for name, threshold in when.conditions.items():
         if not isinstance(threshold, Threshold):
             continue

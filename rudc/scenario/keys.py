@@ -18,7 +18,7 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Bounds, Distribution
 from rudc.scenario.events import EVENT_KINDS, Event
 from rudc.scenario.model import Scenario
-from rudc.scenario.triggers import OrName, Trigger
+from rudc.scenario.triggers import Conditions, OrName, Trigger
 from rudc.scenario.units import bounds_of, may_be_chosen, unit_of
 
 
@@ -121,7 +121,7 @@ def _keys(model: type[FileModel], prefix: str) -> Iterator[Key]:
         name = f"{prefix}{key}"
         yield Key(name, _type(field), unit_of(field), _default(field), _one_line(field.description))
         part, many = _model_of(field.annotation)
-        if part is not None and part is not Event and not issubclass(part, Trigger):
+        if part is not None and part is not Event and not issubclass(part, Conditions):
             yield from _keys(part, f"{name}[]." if many else f"{name}.")
 
 
@@ -190,7 +190,7 @@ def _model_of(annotation: Any) -> tuple[type[FileModel] | None, bool]:
     if inspect.isclass(annotation) and issubclass(annotation, FileModel):
         return (None, False) if issubclass(annotation, Distribution) else (annotation, False)
     for part in get_args(annotation):
-        model, _ = _model_of(part)
+        model, many = _model_of(part)
         if model is not None:
-            return model, get_origin(annotation) is tuple
+            return model, many or get_origin(annotation) is tuple
     return None, False

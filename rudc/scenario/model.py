@@ -74,22 +74,19 @@ def _checked(events: Any, handler: ValidatorFunctionWrapHandler) -> tuple[Event,
 def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Iterator[Any]:
     """The events as a file gives them, names in `event_state` replaced by numbers. Adds what is wrong with
     names to the problems."""
-    keys, numbers = ("when", "event_state", "event"), dict[str, int]()
+    numbers = dict[str, int]()
     read = [event if isinstance(event, dict) else {"name": getattr(event, "name", None)} for event in events]
     for k, (event, given) in enumerate(zip(events, read, strict=True)):
-        if isinstance(called := value_at(given, ".".join(keys)), str):
+        changed = event
+        for keys in _states(given):
+            if not isinstance(called := value_at(given, ".".join(map(str, keys))), str):
+                continue
             called = called.strip()
             if called not in numbers:
-                known = there_are(called, numbers) if numbers else "; none has a name"
-                known = "; a number stands without quotes" if called.isdecimal() else known
-                later = next(
-                    (i for i, other in enumerate(read) if i > k and other.get("name") == called), None
-                )
-                known = known if later is None else f": events.{later} is, and it must stand before this one"
-                message = f"no event before this one is called {called!r}{known}"
-                problems.append(detail(message, (k, *keys), events))
-            event, _ = with_value(given, ".".join(keys), numbers.get(called, 0))
-        yield event
+                later = [i for i, other in enumerate(read) if i > k and other.get("name") == called]
+                problems.append(detail(_nobody_called(called, numbers, later), (k, *keys), events))
+            changed, _ = with_value(changed, ".".join(map(str, keys)), numbers.get(called, 0))
+        yield changed
         if isinstance(name := given.get("name"), str) and (name := name.strip()):
             if name in numbers:
                 problems.append(
@@ -98,25 +95,45 @@ def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Itera
             numbers[name] = k
 
 
+def _states(event: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
+    """Where an event, as a file gives it, may say for which event it waits."""
+    yield "when", "event_state", "event"
+    groups = value_at(event, "when.any")
+    for i in range(len(groups) if isinstance(groups, list | tuple) else 0):
+        yield "when", "any", i, "event_state", "event"
+
+
+def _nobody_called(called: str, numbers: dict[str, int], later: list[int]) -> str:
+    """That no event is `called` so, of those with names whose `numbers` are known, but those `later`."""
+    known = there_are(called, numbers) if numbers else "; none has a name"
+    if called.isdecimal():
+        known = "; a number stands without quotes"
+    if later:
+        known = f": events.{later[0]} is, and it must stand before this one"
+    return f"no event before this one is called {called!r}{known}"
+
+
 def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
     """The same events, each of which waits at most for events before it."""
     for k, event in enumerate(events):
-        state = event.when.event_state if event.when else None
-        if state is not None and state.event.support[1] >= k:
-            before = f"0 to {k - 1}" if k > 1 else "only 0" if k else "there is none before the first"
-            refuse(
-                f"expected the number of an event before this one in the file ({before}); "
-                f"got {state.event.support[1]:g}",
-                *(k, "when", "event_state", "event"),
-            )
+        for where, group in (event.when.groups if event.when else {}).items():
+            state = group.event_state
+            if state is not None and state.event.support[1] >= k:
+                before = f"0 to {k - 1}" if k > 1 else "only 0" if k else "there is none before the first"
+                refuse(
+                    f"expected the number of an event before this one in the file ({before}); "
+                    f"got {state.event.support[1]:g}",
+                    *(k, "when", *where, "event_state", "event"),
+                )
     return events
 
 
 def _of_a_vehicle(events: tuple[Event, ...]) -> tuple[Event, ...]:
     """The same events, of which each that names the `same` vehicle waits for one that takes hold of one."""
     for k, event in enumerate(events):
-        conditions = event.when.conditions if event.when else {}
-        parts = {("vehicle",): event, **{("when", name, "vehicle"): c for name, c in conditions.items()}}
+        parts: dict[tuple[str | int, ...], Any] = {("vehicle",): event}
+        for where, group in (event.when.groups if event.when else {}).items():
+            parts |= {("when", *where, name, "vehicle"): part for name, part in group.conditions.items()}
         for key in [key for key, part in parts.items() if getattr(part, "vehicle", None) == "same"]:
             state = event.when.event_state if event.when else None
             if state is None:

@@ -26,6 +26,9 @@ class ByArm(FileModel, frozen=True):
     turn: Literal["left", "straight", "right"] | None = None
     """where it turns; by default anywhere"""
 
+    def __str__(self) -> str:
+        return " ".join(f"{key} {word}" for key, word in (("from", self.origin), ("turn", self.turn)) if word)
+
 
 def _form(value: Any) -> str:
     """Tag of the form a selector is written in; tags carry brackets so that none reads like a key."""

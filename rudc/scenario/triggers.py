@@ -1,6 +1,7 @@
 """When an event happens: conditions named as in ASAM OpenSCENARIO where it has one.
 
-All conditions of one `when` must hold at once; then the event happens, once. They are about the ego.
+All conditions of one `when` must hold at once, and of the groups under `any` one at least; then the event
+happens, once. They are about the ego.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import GetJsonSchemaHandler, model_validator
+from pydantic import AfterValidator, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
 from rudc.scenario.base import FileModel, Identifier, refuse
@@ -171,8 +172,14 @@ class ReachPosition(FileModel, frozen=True):
             yield "goes with `lane` only", "at"
 
 
-class Trigger(FileModel, frozen=True):
-    """Conditions that must all hold at once for the event to happen."""
+def _some(groups: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not groups:
+        refuse("expected one group of conditions at least")
+    return groups
+
+
+class Conditions(FileModel, frozen=True):
+    """Conditions that must all hold at once."""
 
     simulation_time: TimeThreshold | None = None
     """s since the episode began"""
@@ -194,20 +201,32 @@ class Trigger(FileModel, frozen=True):
     """m from the ego to its stop line, negative past it"""
     event_state: EventState | None = None
     """s since an earlier event of the file began, or was over"""
-    probability: Annotated[AnyDistribution, Bounds(0, 1)] | None = None
-    """whether the event happens in this episode at all; drawn once per episode"""
 
     @model_validator(mode="after")
-    def _check(self) -> Trigger:
+    def _check(self) -> Self:
         if not self.model_fields_set:
             refuse(f"no condition given; expected one or more of {', '.join(type(self).model_fields)}")
         return self
 
     @property
     def conditions(self) -> dict[str, FileModel]:
-        """Name -> condition, of those given; `probability` is not among them."""
-        named = {name: getattr(self, name) for name in type(self).model_fields if name != "probability"}
+        """Name -> condition, of those given."""
+        named = {name: getattr(self, name) for name in Conditions.model_fields}
         return {name: condition for name, condition in named.items() if condition is not None}
+
+
+class Trigger(Conditions, frozen=True):
+    """Conditions that must all hold at once for the event to happen."""
+
+    any: Annotated[tuple[Conditions, ...], AfterValidator(_some)] | None = None
+    """groups of these conditions, of which one at least must hold, besides"""
+    probability: Annotated[AnyDistribution, Bounds(0, 1)] | None = None
+    """whether the event happens in this episode at all; drawn once per episode"""
+
+    @property
+    def groups(self) -> dict[tuple[str | int, ...], Conditions]:
+        """Where it stands in `when` -> conditions that hold together: its own, and each group of `any`."""
+        return {(): self, **{("any", i): group for i, group in enumerate(self.any or ())}}
 
     @property
     def chance(self) -> Distribution:

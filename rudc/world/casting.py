@@ -65,7 +65,8 @@ class _Placed(NamedTuple):
 def selected(events: Iterable[Event]) -> list[str | ByArm]:
     """The selectors that are named by events and by the conditions of their triggers, each once."""
     asked: list[Any] = [*events]
-    asked += [condition for event in events if event.when for condition in event.when.conditions.values()]
+    for group in (group for event in events if event.when for group in event.when.groups.values()):
+        asked += group.conditions.values()
     named = (getattr(part, "vehicle", None) for part in asked)
     return [*dict.fromkeys(who for who in named if isinstance(who, str | ByArm))]
 

@@ -21,7 +21,7 @@ from rudc.drawing.view import Driving, ShownEvent, View
 from rudc.safety.filter import Status
 from rudc.scenario.distributions import distribution
 from rudc.scenario.events.vehicle_crossing import VehicleCrossing
-from rudc.scenario.triggers import Trigger
+from rudc.scenario.triggers import Conditions
 from tests.plans import event
 
 BRAKE = event("hard_brake", when={"simulation_time": {"above": 3}})
@@ -152,7 +152,24 @@ def test_numbers_of_events_and_conditions_have_their_units():
     assert conditions(late) == "the ego has driven above 1000 m"
     then = event("hard_brake", when={"event_state": {"event": 1, "state": "over", "above": 2}})
     assert conditions(then) == "the time since (2) was over is above 2 s"
-    assert UNITS.keys() == Trigger.model_fields.keys() - {"probability"}
+    assert UNITS.keys() == Conditions.model_fields.keys()
+
+
+def test_arms_and_groups_of_conditions_are_said_in_words():
+    turning = {"from": "north", "turn": "left"}
+    groups = [
+        {"speed": {"above": 3}, "stand_still": {"below": 1}},
+        {"time_headway": {"vehicle": turning, "below": 2}},
+    ]
+    when = {"ego_distance_to_junction": {"below": 20}, "any": groups}
+    early = event("hard_brake", vehicle=turning, when=when)
+    assert describe(early).startswith("hard brake, vehicle from north turn left, ")
+    assert conditions(early) == (
+        "the ego's distance to its stop line is below 20 m and (the ego's speed is above 3 m/s and the ego "
+        "has stood for below 1 s or the ego's headway is (from north turn left) below 2 s)"
+    )
+    alone = event("hard_brake", when={"any": groups[:1]})
+    assert conditions(alone) == "the ego's speed is above 3 m/s and the ego has stood for below 1 s"
 
 
 def test_a_line_of_events_fits():

@@ -65,7 +65,8 @@ class Event(FileModel, frozen=True):
         event = draw(self, rng)
         if event.when is None:
             return event
-        when = event.when.model_copy(update={"probability": None}) if event.when.conditions else None
+        waits = event.when.conditions or event.when.any
+        when = event.when.model_copy(update={"probability": None}) if waits else None
         return event.model_copy(update={"when": when})
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from rudc.scenario.base import FileModel
     from rudc.scenario.plan import EpisodePlan
+    from rudc.scenario.triggers import Conditions
     from rudc.world.events.script import Happening
 
 
@@ -58,16 +60,23 @@ def _awaited(happening: Happening) -> str:
     if happening.no_room:
         return "room on the road"
     event = happening.event
-    conditions = event.when.conditions if event.when and not happening.refused else {}
-    parts = [f"{name} {_words(condition)}" for name, condition in conditions.items()]
+    when = None if happening.refused else event.when
+    parts, groups = (_together(when), map(_together, when.any or ())) if when else ([], ())
+    if either := [" and ".join(group) for group in groups]:
+        parts.append(f"({' or '.join(either)})" if len(either) > 1 else either[0])
     who = getattr(event, "vehicle", None)
     if who is not None:
         parts.append(f"a vehicle to act on ({who})")
     return " and ".join(parts) or ("something to act on" if happening.refused else "the first decision")
 
 
-def _words(condition: Any) -> str:
+def _together(group: Conditions) -> list[str]:
+    return [f"{name} {_words(condition)}" for name, condition in group.conditions.items()]
+
+
+def _words(condition: FileModel) -> str:
     data = condition.model_dump(mode="json", exclude_none=True)
+    data |= {key: str(getattr(condition, key)) for key in ("vehicle",) if key in data}
     data = {key: data[key] for key in ("event", "state") if key in data} | data  # first which, then how long
     return " ".join(
         f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in data.items()

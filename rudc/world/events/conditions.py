@@ -15,15 +15,18 @@ from rudc.world.events.selection import pick
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.scenario.triggers import Trigger
+    from rudc.scenario.triggers import Conditions, Trigger
     from rudc.world.events.stage import WorldStage
 
 
 def holds(trigger: Trigger, scene: Scene, stage: WorldStage) -> bool:
-    """Whether all conditions of a trigger hold in this scene."""
-    return all(
-        _CONDITIONS[name](condition, scene, stage, trigger) for name, condition in trigger.conditions.items()
-    )
+    """Whether all conditions of a trigger hold in this scene, and one of its groups, if it has any."""
+
+    def together(group: Conditions) -> bool:
+        named = group.conditions.items()
+        return all(_CONDITIONS[name](condition, scene, stage, trigger) for name, condition in named)
+
+    return together(trigger) and (trigger.any is None or any(map(together, trigger.any)))
 
 
 def _simulation_time(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
