@@ -192,7 +192,7 @@ def _condition(name: str, condition: FileModel) -> str:
         state = "began" if bounds.pop("state") == "begun" else "was over"
         words += f" ({_value(bounds.pop('event') + 1)}) {state} is"
     if towards is not None:
-        words += f" ({towards})"
+        words = f"{words.removesuffix(' is')} ({towards}) is"
     if place is not None:
         words += f" [{', '.join(_value(v) for v in place)}]"
     return f"{words} {_value(bounds, UNITS[name])}"

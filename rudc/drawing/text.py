@@ -25,9 +25,9 @@ def font(height_px: float) -> Font:
 
 
 def fitted(text: str, width_px: float, height_px: float) -> str:
-    """The text, its end replaced by dots if it is wider than that."""
+    """The text, its end replaced by dots if it is wider than that, without spaces at its end."""
     known = font(height_px)
-    if known.getlength(text) <= width_px:
+    if known.getlength(text.rstrip()) <= width_px:
         return text
     while text and known.getlength(text + "...") > width_px:
         text = text[:-1]

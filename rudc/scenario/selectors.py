@@ -11,19 +11,36 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from rudc.scenario.base import FileModel
-from rudc.scenario.choices import Place
+from rudc.scenario.choices import ChoiceParameters, OrChoice, Place, WordChoice
+from rudc.scenario.plan import Turn
 
 Role = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
 """`same` is the vehicle of the event that `event_state` names"""
 
 
+class Turns(ChoiceParameters, frozen=True):
+    """Turns at the junction."""
+
+    values: tuple[Turn, ...]
+    """one of these"""
+
+
+class TurnChoice(WordChoice, frozen=True):
+    """One of several turns."""
+
+    choice: Turns
+    """the turns; or {values: [...], weights: [...]}"""
+
+
 class ByArm(FileModel, frozen=True):
-    """The vehicle that reaches its stop line first, of those that come by an arm: of those whose way crosses
-    the ego's, if there are any."""
+    """The vehicle that reaches its stop line first, of those that come by an arm and are still before it.
+
+    Those whose way crosses the ego's come before all others.
+    """
 
     origin: Place = Field(alias="from")
     """arm (compass name) or edge it comes by"""
-    turn: Literal["left", "straight", "right"] | None = None
+    turn: Annotated[Turn, OrChoice(TurnChoice)] | None = None
     """where it turns; by default anywhere"""
 
     def __str__(self) -> str:

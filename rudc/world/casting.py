@@ -9,7 +9,8 @@ if the traffic already has such a vehicle:
     oncoming, crossing   a vehicle that reaches its stop line at about the same time as the ego, and crosses
                          the ego's path.
     by a named arm       the same, though its path need not cross the ego's; nobody is added on the ego's own
-                         arm.
+                         arm. If its turn is named, too, it takes no other where its way is blocked
+                         (detours.py).
 
 Otherwise one vehicle is added, on top of those that the density asks for, where it can stop before what
 stands on its lane. Where the network has no place for it (a T-junction without an opposite arm), none is
@@ -85,6 +86,10 @@ def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.rando
         there = comes_from(scene, selector)
         if not _due(scene, selector) and not any(there[_row(scene, one.movement)] for one in placed):
             placed += _towards_junction(scene, stage, rng, selector, placed)
+        if isinstance(selector, ByArm) and selector.turn:
+            names = [scene.ids[i] for i in np.flatnonzero(scene.path >= 0) if there[scene.path[i]]]
+            for name in (*names, *(one.name for one in placed if there[_row(scene, one.movement)])):
+                stage.traffic.drivers[name].keeps_turn = True
     return [*added, *(one.name for one in placed)]
 
 

@@ -19,7 +19,7 @@ is blocked. SUMO knows nothing of what stands inside the junction, and might hav
 
 An SV that leads or follows the ego for an event changes lanes only once it is on the road that is blocked,
 not already before the junction for something behind the junction, and takes another movement only where none
-of this helps, from its own lane.
+of this helps, from its own lane. One whose turn an event names (`Driver.keeps_turn`) takes no other movement.
 
 SVs that enter the road choose among the movements that are free.
 """
@@ -190,7 +190,9 @@ class Detours:
             kept = network.inbound_lane(row) if driver.keeps_lane else None
             if later and kept:
                 return None
-            if self._take_another(name, movement, end, front, kept) or later:
+            if not driver.keeps_turn and self._take_another(name, movement, end, front, kept):
+                return None
+            if later:
                 return None
         room = float(paths.stop_s[row]) - WAIT - front
         speed = float(np.hypot(*scene.velocity[i]))

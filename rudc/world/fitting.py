@@ -167,16 +167,15 @@ def _by_arm(value: Any, path: Path) -> Iterator[tuple[Path, ByArm]]:
 
 def _nobody_by(network: Network, path: Path, who: ByArm) -> list[Problem]:
     """The problems with the arm of a selector, and with its turn: with each that may be drawn."""
-    problems = []
-    for name in possible(who.origin):
+    problems = dict[Problem, None]()
+    for name, turn in itertools.product(possible(who.origin), possible(who.turn)):
         try:
-            if not by_arm(network, who.model_copy(update={"origin": name})).any():
-                text = no_way(network, [name], who.turn and [who.turn])
-                key = "turn" if who.turn and network.arm(name).in_lanes else "from"
-                problems.append(Problem((*path, key), text))
+            if not by_arm(network, who.model_copy(update={"origin": name, "turn": turn})).any():
+                key = "turn" if turn and network.arm(name).in_lanes else "from"
+                problems[Problem((*path, key), no_way(network, [name], turn and [turn]))] = None
         except NetworkError as error:
-            problems.append(Problem((*path, "from"), str(error)))
-    return problems
+            problems[Problem((*path, "from"), str(error))] = None
+    return [*problems]
 
 
 def _of_another_type(path: Path, part: Any) -> list[Problem]:

@@ -56,6 +56,8 @@ class Driver:
     """whether the road's friction keeps it from braking or accelerating as hard as it could"""
     keeps_lane: bool = False
     """whether it leads or follows the ego for an event: it then stays in its lane up to the junction"""
+    keeps_turn: bool = False
+    """whether an event asks for one that turns as it does: it then waits where its way is blocked"""
 
     @property
     def mode(self) -> int:

@@ -166,7 +166,7 @@ def test_arms_and_groups_of_conditions_are_said_in_words():
     assert describe(early).startswith("hard brake, vehicle from north turn left, ")
     assert conditions(early) == (
         "the ego's distance to its stop line is below 20 m and (the ego's speed is above 3 m/s and the ego "
-        "has stood for below 1 s or the ego's headway is (from north turn left) below 2 s)"
+        "has stood for below 1 s or the ego's headway (from north turn left) is below 2 s)"
     )
     alone = event("hard_brake", when={"any": groups[:1]})
     assert conditions(alone) == "the ego's speed is above 3 m/s and the ego has stood for below 1 s"
@@ -190,3 +190,5 @@ def test_texts_fit():
     assert len(lines) > 2
     assert all(font(15.0).getlength(text.rstrip()) <= 150.0 for text in texts)
     assert " ".join(" ".join(texts).split()) == long
+    width = font(15.0).getlength("a word")
+    assert fitted("a word ", width, 15.0) == "a word ", "a space at the end may stick out"

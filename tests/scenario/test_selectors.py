@@ -22,6 +22,10 @@ def test_an_arm_may_be_named_or_drawn_and_is_in_the_file_again():
     assert possible(read.events[0].vehicle.origin) == ("north", "east")
     drawn = {read.plan(seed).events[0].vehicle.origin for seed in range(20)}
     assert drawn == {"north", "east"}
+    turns = {"from": "east", "turn": {"choice": {"values": ["left", "right"], "weights": [1, 0]}}}
+    either = scenario(events=[{"kind": "hard_brake", "vehicle": turns}])
+    assert {either.plan(seed).events[0].vehicle.turn for seed in range(8)} == {"left"}
+    assert str(either.plan(0).events[0].vehicle) == "from east turn left"
 
 
 def test_a_swept_arm():
@@ -42,7 +46,7 @@ def test_what_is_wrong_is_said_at_its_place(problems):
     check(
         found,
         "3:34: events.0.vehicle.frm: unknown key (did you mean 'from'?)",
-        "3:52: events.0.vehicle.turn: expected one of left, straight, right; got the text 'letf' ...",
+        "3:52: events.0.vehicle.turn: expected one of left, straight, right or {choice: ...}; got ...",
         "4:33: events.1.vehicle.from: is missing, and it is required",
         "5:33: events.2.vehicle: expected one of leader, ..., same or {from: ARM, turn: ...}; got a list...",
         "6:33: events.3.vehicle: expected one of leader, ... 'ledaer' (did you mean 'leader'?)",

@@ -97,7 +97,10 @@ def test_the_first_at_its_stop_line_is_chosen_of_those_that_cross_the_egos_way_i
 def test_arms_and_turns_that_the_network_lacks_are_said_each_once():
     events = [
         {"kind": "hard_brake", "vehicle": {"from": "nroth", "turn": "left"}},
-        {"kind": "hard_brake", "vehicle": {"from": {"choice": ["east", "south"]}, "turn": "straight"}},
+        {
+            "kind": "hard_brake",
+            "vehicle": {"from": {"choice": ["east", "south"]}, "turn": {"choice": ["right", "straight"]}},
+        },
         {"kind": "hard_brake", "when": {"time_headway": {"vehicle": {"from": "north"}, "below": 2}}},
     ]
     with pytest.raises(ScenarioError) as error:
@@ -105,5 +108,22 @@ def test_arms_and_turns_that_the_network_lacks_are_said_each_once():
     said = str(error.value)
     assert "events.0.vehicle.from: no arm 'nroth'" in said
     assert "events.1.vehicle.turn: network t_junction: no way leads straight from south" in said
+    assert "events.1.vehicle.turn: network t_junction: no way leads right from east" in said
     assert "events.2.when.time_headway.vehicle.from: no arm 'north'" in said
-    assert len(said.splitlines()) == 3
+    assert len(said.splitlines()) == 4
+
+
+def test_one_whose_turn_is_named_takes_no_other_where_its_way_is_blocked(world):
+    """It was sent another way, and the event found nobody to act on."""
+    wreck = event("accident", vehicles=[{"lane": f"north_out_{k}", "at": 15} for k in (0, 1)])
+    asked = brake(**{"from": "west", "turn": "left"})
+    standing = replace(QUIET, turn="left", speed=(0.0, 0.0), events=(wreck, asked))
+    for keeps in (True, False):
+        scene = world.reset(standing.plan(0))
+        (row,) = pick(scene, by("west", "left"), RNG)
+        driver = world.traffic.drivers[scene.ids[row]]
+        assert (driver.destination, driver.keeps_turn) == ("north", True)
+        driver.keeps_turn = keeps
+        for _ in range(80):
+            world.advance(np.array([-6.0, 0.0]))
+        assert (driver.destination == "north") is keeps
