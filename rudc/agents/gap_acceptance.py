@@ -35,7 +35,7 @@ from rudc.env.tracking import (
     steering,
 )
 from rudc.world.config import EgoDriver
-from rudc.world.scene import Kind, Scene
+from rudc.world.scene import STILL, Kind, Scene
 
 HEADWAY, STANDSTILL = 1.0, 2.0
 """s, m: IDM's T and G"""
@@ -43,8 +43,8 @@ HARDEST = 5.0
 """m/s2, the ego stops before a conflict only if it can with this braking or less"""
 LOOK_AHEAD = 50.0
 """m of the path that are searched for a leader"""
-BAND = 0.25
-"""m to each side of the ego that belong to the band"""
+BAND, BESIDE = 0.25, 0.1
+"""m to each side of the ego that belong to the band; towards things that stand, if courses lead round them"""
 PEDESTRIAN_S = (0.0, 1.0, 2.0)
 """s ahead at which pedestrians are looked for on the path"""
 
@@ -54,6 +54,8 @@ class GapAcceptance:
 
     name = "gap-acceptance"
     ego_driver: EgoDriver = "agent"
+    beside = BAND
+    """m to each side of the ego that belong to the band, towards things that stand"""
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Nothing is kept from one decision to the next."""
@@ -87,9 +89,10 @@ class GapAcceptance:
         x, y, psi = scene.route.path.pose(s)
         along = np.cos(scene.heading), np.sin(scene.heading)
         speed = scene.speed
-        reach = 0.5 * scene.size + radius
-        covered = np.zeros((scene.count, len(s)), dtype=bool)
         walks = scene.kind == Kind.PEDESTRIAN
+        stands = (scene.path < 0) & (speed < STILL) & ~walks
+        reach = 0.5 * scene.size + np.where(stands, radius - BAND + self.beside, radius)[:, None]
+        covered = np.zeros((scene.count, len(s)), dtype=bool)
         for later in PEDESTRIAN_S if walks.any() else PEDESTRIAN_S[:1]:
             shift = later * scene.velocity * walks[:, None]
             dx = x - (scene.position + shift)[:, :1]
@@ -132,6 +135,7 @@ class Planner(GapAcceptance):
     """Gap acceptance on courses round what blocks the way: the reference where something blocks it."""
 
     name = "planner"
+    beside = BESIDE
 
 
 def _idm(v: float, v0: float, gap: float, leader_speed: float) -> float:

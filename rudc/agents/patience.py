@@ -1,17 +1,17 @@
 """Ends the waiting of a policy that would stand for ever without need: on courses, and on roads that it never
 saw in training, above all roundabouts.
 
-Once the ego has stood for PATIENCE s and gap acceptance (rudc/agents/gap_acceptance.py) would go, the
-acceleration of gap acceptance replaces the policy's, up to PACE m/s, until the policy goes by itself or gap
-acceptance stops. Steering stays the policy's. The result counts as the policy's proposal, not as an
-intervention, and a correction treats it as such.
+Once the ego has stood for PATIENCE s and the driver `planner` (rudc/agents/gap_acceptance.py) would go, its
+acceleration replaces the policy's, up to PACE m/s, until the policy goes by itself or `planner` stops.
+Steering stays the policy's. The result counts as the policy's proposal, not as an intervention, and a
+correction treats it as such.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from rudc.agents.gap_acceptance import ACCELERATION, GapAcceptance
+from rudc.agents.gap_acceptance import ACCELERATION, Planner
 from rudc.arrays import Array
 from rudc.env.tracking import acceleration_towards
 from rudc.world.scene import Scene
@@ -26,11 +26,11 @@ class Patience:
     """Urges one agent's policy on in one episode."""
 
     def __init__(self) -> None:
-        self._rules = GapAcceptance()
+        self._rules = Planner()
         self._going = False
 
     def urge(self, scene: Scene, u: Array) -> Array:
-        """(2,) m/s2 and rad: the policy's proposal u (2,), or the same with gap acceptance's acceleration."""
+        """(2,) m/s2 and rad: the policy's proposal u (2,), or the same with the acceleration of `planner`."""
         if not self._going and scene.waited_s < PATIENCE:
             return u
         a = float(self._rules.act(scene).u[0])

@@ -7,7 +7,7 @@ import pytest
 
 from rudc.agents import drivers
 from rudc.agents.follower import Follower
-from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.gap_acceptance import GapAcceptance, Planner
 from rudc.agents.sumo import SumoDriver
 from rudc.network.network import load_network
 from rudc.world.scene import Kind
@@ -69,6 +69,20 @@ def test_gap_acceptance_does_not_mind_the_lane_beside(scene_on):
     x, y, psi = (float(v) for v in route.path.pose(75.0))
     other = other._replace(place=(x - 3.5 * math.sin(psi), y + 3.5 * math.cos(psi), psi))
     assert act(GapAcceptance(), scene_on("south", "straight", 60.0, 6.0, (other,)))[0] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("gap", "speed", "goes"),
+    [(0.2, 0.0, {Planner}), (0.3, 0.0, {Planner, GapAcceptance}), (0.05, 0.0, set()), (0.2, 1.0, set())],
+)
+def test_planner_passes_what_stands_as_near_as_its_courses_lead_it(scene_on, gap, speed, goes):
+    """It stood for good before a strip of rubber that its course passes with 0.2 m."""
+    route = load_network("four_way").route("south", "straight")
+    x, y, psi = (float(v) for v in route.path.pose(68.0))
+    aside = 0.5 * (route.key.vehicle.width + 1.8) + gap
+    thing = Other(-1, 0.0, speed, (x + aside * math.sin(psi), y - aside * math.cos(psi), psi))
+    scene = scene_on("south", "straight", 62.0, 0.0, (thing,))
+    assert {driver for driver in (Planner, GapAcceptance) if act(driver(), scene)[0] > 0.5} == goes
 
 
 @pytest.mark.parametrize("distance", [3.0, 4.0])
