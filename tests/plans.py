@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rudc.scenario.choices import Turn
 from rudc.scenario.distributions import Constant, Distribution, Uniform
 from rudc.scenario.events import EVENT_KINDS, Event
-from rudc.scenario.plan import EgoPlan, EpisodePlan, TrafficPlan, Turn
+from rudc.scenario.plan import EgoPlan, EpisodePlan, TrafficPlan
 
 ALL_KINDS = {"car": 0.6, "truck": 0.12, "bus": 0.08, "motorcycle": 0.12, "bicycle": 0.08}
 

@@ -142,6 +142,7 @@ class PlaceChoice(WordChoice, frozen=True):
     """the names; or {values: [...], weights: [...]}"""
 
 
+Turn = Literal["left", "straight", "right"]
 EgoTurn = Literal["left", "straight", "right", "random"]
 
 
@@ -159,7 +160,25 @@ class EgoTurnChoice(WordChoice, frozen=True):
     """the turns; or {values: [...], weights: [...]}"""
 
 
+VehicleType = Literal["car", "truck", "bus", "motorcycle", "bicycle"]
+
+
+class VehicleTypes(ChoiceParameters, frozen=True):
+    """Types of vehicles."""
+
+    values: tuple[VehicleType, ...]
+    """one of these"""
+
+
+class VehicleTypeChoice(WordChoice, frozen=True):
+    """One of several types of vehicles."""
+
+    choice: VehicleTypes
+    """the types; or {values: [...], weights: [...]}"""
+
+
 AnyEgoTurn = Annotated[EgoTurn, OrChoice(EgoTurnChoice)]
 Side = Annotated[SideOfRoad, OrChoice(SideChoice)]
+AnyVehicleType = Annotated[VehicleType, OrChoice(VehicleTypeChoice)]
 Place = Annotated[Identifier, OrChoice(PlaceChoice)]
 """The name of a lane or arm."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from rudc.errors import SimulationError
+from rudc.scenario.choices import Turn
 
 if TYPE_CHECKING:
     from rudc.scenario.distributions import Distribution
     from rudc.scenario.events.event import Event
-
-Turn = Literal["left", "straight", "right"]
 
 
 @dataclass(frozen=True, slots=True)

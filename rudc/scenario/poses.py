@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from rudc.scenario.base import FileModel
-from rudc.scenario.choices import ChoiceParameters, OrChoice, Place, WordChoice
+from rudc.scenario.choices import AnyVehicleType, Place
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.triggers import Metre, Position
-
-VehicleType = Literal["car", "truck", "bus", "motorcycle", "bicycle"]
 
 Degree = Annotated[AnyDistribution, Bounds(-360, 360, "deg")]
 Lateral = Annotated[AnyDistribution, Bounds(-50, 50, "m")]
@@ -25,23 +23,6 @@ _MEANT = {
     "heading": " (did you mean 'heading_offset'?)",
     "heading_offset": " (did you mean 'heading'?)",
 }
-
-
-class VehicleTypes(ChoiceParameters, frozen=True):
-    """Types of vehicles."""
-
-    values: tuple[VehicleType, ...]
-    """one of these"""
-
-
-class VehicleTypeChoice(WordChoice, frozen=True):
-    """One of several types of vehicles."""
-
-    choice: VehicleTypes
-    """the types; or {values: [...], weights: [...]}"""
-
-
-AnyVehicleType = Annotated[VehicleType, OrChoice(VehicleTypeChoice)]
 
 
 class Pose(FileModel, frozen=True):

@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from rudc.scenario.base import FileModel
-from rudc.scenario.choices import ChoiceParameters, OrChoice, Place, WordChoice
-from rudc.scenario.plan import Turn
+from rudc.scenario.choices import AnyVehicleType, ChoiceParameters, OrChoice, Place, Turn, WordChoice
 
 Role = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
 """`same` is the vehicle of the event that `event_state` names"""
@@ -42,9 +41,12 @@ class ByArm(FileModel, frozen=True):
     """arm (compass name) or edge it comes by"""
     turn: Annotated[Turn, OrChoice(TurnChoice)] | None = None
     """where it turns; by default anywhere"""
+    type: AnyVehicleType | None = None
+    """what it is; by default any vehicle"""
 
     def __str__(self) -> str:
-        return " ".join(f"{key} {word}" for key, word in (("from", self.origin), ("turn", self.turn)) if word)
+        named = ("from", self.origin), ("turn", self.turn), ("type", self.type)
+        return " ".join(f"{key} {word}" for key, word in named if word)
 
 
 def _form(value: Any) -> str:

@@ -59,6 +59,8 @@ class _Placed(NamedTuple):
 
     name: str
     movement: Movement
+    type: str
+    """car, truck, ..."""
     body: tuple[float, ...]
     """x, y (m), heading (rad), length and width (m)"""
 
@@ -83,8 +85,9 @@ def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.rando
     by_arm = sorted((who for who in wanted if isinstance(who, ByArm)), key=lambda who: who.turn is None)
     placed: list[_Placed] = []
     for selector in (*(who for who in ("oncoming", "crossing") if who in wanted), *by_arm):
-        there = comes_from(scene, selector)
-        if not _due(scene, selector) and not any(there[_row(scene, one.movement)] for one in placed):
+        there, type_ = comes_from(scene, selector), _type(selector)
+        fit = [one for one in placed if there[_row(scene, one.movement)] and type_ in (None, one.type)]
+        if not fit and not _due(scene, selector):
             placed += _towards_junction(scene, stage, rng, selector, placed)
         if isinstance(selector, ByArm) and selector.turn:
             names = [scene.ids[i] for i in np.flatnonzero(scene.path >= 0) if there[scene.path[i]]]
@@ -204,7 +207,8 @@ def _towards_junction(
     others = np.column_stack([scene.position, scene.heading, scene.size])
     others = np.concatenate([others, np.array(bodies).reshape(-1, 5)])
     for _ in range(TRIES if movements else 0):
-        movement, kind = movements[rng.integers(len(movements))], stage.traffic.draw_type()
+        movement = movements[rng.integers(len(movements))]
+        kind = _type(selector) or stage.traffic.draw_type()
         route = network.route(movement.origin, movement.destination)
         speed = min(stage.traffic.draw_speed(), VEHICLE_TYPES[kind].max_speed)
         to_stop = max(speed * (_arrival_s(scene) + float(rng.uniform(0.0, 0.5 * LATE_S))), 10.0)
@@ -220,7 +224,7 @@ def _towards_junction(
         place = entry(network, route, front)
         if clear and stage.traffic.may_drive(kind, movement, place.lane):
             name = stage.traffic.add(stage.traffic.draw_driver(movement, kind), place, speed)
-            return [_Placed(name, movement, (x, y, psi, length, width))]
+            return [_Placed(name, movement, kind, (x, y, psi, length, width))]
     return []
 
 
@@ -249,6 +253,11 @@ def _crossing(scene: Scene, selector: str | ByArm) -> list[Movement]:
         if there[movement.rows[0]] and movement.origin != scene.route.origin
     ]  # fmt: skip
     return [movement for movement in found if crosses[_row(scene, movement)]] or found
+
+
+def _type(selector: str | ByArm) -> str | None:
+    """What a vehicle must be for a selector, if it says so: car, truck, ..."""
+    return selector.type if isinstance(selector, ByArm) else None
 
 
 def _crosses(scene: Scene) -> Flags:

@@ -26,6 +26,8 @@ def test_an_arm_may_be_named_or_drawn_and_is_in_the_file_again():
     either = scenario(events=[{"kind": "hard_brake", "vehicle": turns}])
     assert {either.plan(seed).events[0].vehicle.turn for seed in range(8)} == {"left"}
     assert str(either.plan(0).events[0].vehicle) == "from east turn left"
+    bus = scenario(events=[{"kind": "hard_brake", "vehicle": {"from": "east", "type": "bus"}}])
+    assert str(bus.events[0].vehicle) == "from east type bus"
 
 
 def test_a_swept_arm():

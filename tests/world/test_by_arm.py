@@ -13,6 +13,7 @@ from rudc.scenario.selectors import ByArm
 from rudc.world.casting import selected
 from rudc.world.events.selection import pick, towards_junction
 from rudc.world.fitting import misfits
+from rudc.world.scene import Kind
 from tests.plans import PlanSource, event
 
 QUIET = PlanSource(density=0.0, origin="south", turn="straight", speed=(8.0, 8.0))
@@ -55,6 +56,20 @@ def test_nobody_is_added_where_one_comes_or_on_the_egos_own_arm(world):
     for seed in range(4):
         scene = world.reset(replace(QUIET, events=general).plan(seed))
         assert scene.count == 1, "who turns left comes from there, too"
+
+
+def test_its_type_may_be_named_too(world):
+    """A car that comes first is not chosen, and does not serve instead of a bus."""
+    events = brake(**{"from": "west", "type": "bus"}), brake(**{"from": "west", "type": "car"})
+    for seed in range(3):
+        scene = world.reset(replace(QUIET, events=events).plan(seed))
+        kinds = []
+        for kind in ("bus", "car"):
+            (row,) = pick(scene, ByArm(origin="west", type=kind), RNG)
+            kinds.append(Kind(int(scene.kind[row])))
+        assert kinds == [Kind.BUS, Kind.CAR]
+        assert not pick(scene, ByArm(origin="west", type="truck"), RNG)
+        assert len(pick(scene, by("west"), RNG)) == 1
 
 
 def test_two_on_one_arm_keep_their_distance(world):

@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.scenario.poses import Pose, VehicleType
+from rudc.scenario.choices import VehicleType
+from rudc.scenario.poses import Pose
 from rudc.scenario.selectors import Selector
 
 XYHeading = tuple[float, float, float]

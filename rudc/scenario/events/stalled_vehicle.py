@@ -8,11 +8,10 @@ from typing import Any, Literal
 
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
-from rudc.scenario.choices import Place
+from rudc.scenario.choices import AnyVehicleType, Place
 from rudc.scenario.events.event import ROUNDED_S, UNHURRIED, Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.poses import AnyVehicleType
 from rudc.scenario.selectors import Selector
 from rudc.scenario.triggers import Metre
 

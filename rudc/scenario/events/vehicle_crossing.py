@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from rudc.scenario.choices import Place, Side
+from rudc.scenario.choices import AnyVehicleType, Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.pause import Pause, halt_of
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import ROADSIDE_M, Stage
-from rudc.scenario.poses import AnyVehicleType
 from rudc.scenario.triggers import Metre
 
 FOLLOWING_S = 1.2

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rudc.scenario.choices import Place
+from rudc.scenario.choices import AnyVehicleType, Place
 from rudc.scenario.distributions import Constant
 from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-from rudc.scenario.poses import AnyVehicleType
 from rudc.scenario.triggers import Metre
 
 

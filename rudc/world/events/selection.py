@@ -9,7 +9,7 @@ import numpy as np
 from rudc.arrays import Array, Flags
 from rudc.network.paths import PathTable
 from rudc.scenario.selectors import ByArm
-from rudc.world.scene import Scene
+from rudc.world.scene import Kind, Scene
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
@@ -65,6 +65,8 @@ def towards_junction(scene: Scene, selector: str | ByArm) -> Array:
     to_stop = paths.stop_s[rows] - scene.path_s[svs]
     speed = np.maximum(np.hypot(*scene.velocity[svs].T), 0.5)
     due[svs] = np.where((to_stop > 0) & comes_from(scene, selector)[rows], to_stop / speed, np.inf)
+    if isinstance(selector, ByArm) and selector.type:
+        due[scene.kind != Kind[selector.type.upper()]] = np.inf
     crosses = np.zeros(scene.count, dtype=bool)
     crosses[svs] = ~np.isnan(scene.network.conflict(scene.route)[rows, 0])
     return np.where(crosses, due, np.inf) if np.isfinite(due[crosses]).any() else due
