@@ -134,3 +134,27 @@ def test_the_next_gap_in_sight_must_be_as_large_as_usual_too(make_scene, planner
     assert accelerates(courses, replace(scene, time_s=scene.time_s + 6.0))
     assert accelerates(courses, replace(past, time_s=scene.time_s + 8.0))
     assert not accelerates(courses, replace(at_next, time_s=scene.time_s + 9.0))
+
+
+@pytest.mark.parametrize(("ahead", "back"), [(25.0, True), (9.0, False)])
+def test_who_has_stood_on_a_course_that_is_no_longer_clear_goes_back_to_its_route(
+    make_scene, planner, four_way, ahead, back
+):
+    """It stood half-way in the junction for a queue on the lanes that its course used, and the queue stood
+    for it. Where its own way is free for no more than what it keeps before a body, it stays.
+    """
+    alone = make_scene(turn="straight", front=-40.0, v=0.0)
+    (row,) = set(four_way.movement("south", "straight").rows) - {alone.route.row}
+    lane = int(four_way.inbound_lane(row).index)
+    course = four_way.route("south", "straight", lane)
+    x, y, psi = (float(value) for value in alone.route.path.pose(alone.ego_s + ahead))
+    across = {"at": (x, y, psi + 0.5 * math.pi)}
+    beside = {"at": tuple(float(value) for value in course.path.pose(alone.ego_s + 9.0))}
+    scene, courses = make_scene(across, beside, turn="straight", front=-40.0, v=0.0), Courses()
+    courses.reset(scene)
+    courses.course = course
+    look(courses, scene, 48)
+    assert courses.course is course
+    look(courses, scene, 10, first=48)
+    assert (courses.course is None) is back
+    assert accelerates(courses, replace(scene, time_s=scene.time_s + 6.0)) == back
