@@ -4,9 +4,10 @@ A course is a line round what blocks, for the same movement as the route that it
 (rudc/network/course.py). It is kept while it is clear. A new one is planned when it is not clear any more,
 when those who came the wrong way, for whom it was chosen, have passed, and when all that it leads round has
 been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
-SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too, and an
-ego whose course is not clear any more goes back to its route, if that is free for longer. How fast it drives beside bodies, rudc/agents/passing.py says. A car that has missed a bend, and is more than
-MISSED m off its line, slows down until it creeps, and then gets a course back to it, if there is one.
+SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too, and
+an ego whose course is not clear any more goes back to its route, if that is free for longer. How fast it
+drives beside bodies, rudc/agents/passing.py says. A car that has missed a bend, and is more than MISSED m off
+its line, slows down until it creeps, and then gets a course back to it, if there is one.
 
 Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
 of the lane before it.
@@ -79,8 +80,8 @@ LEEWAY = 0.03
 CREEPS, LOST = 2.0, 0.3
 """m/s, m: an ego that is slower than this and farther off its line than this may get a new course"""
 BACK = 3.0
-"""m of its route that must be free, besides SHORT, for an ego to go back to it from a course that is no longer
-clear, once it has stood for STUCK_S"""
+"""m of its route that must be free, besides SHORT, for an ego to go back to it, which has stood for STUCK_S
+on a course that is not clear any more"""
 MISSED = 2.5
 """m: an ego that is farther off its line than this slows down, and when it creeps gets a course back"""
 HARDEST = 4.0
