@@ -22,6 +22,7 @@ from rudc.scenario.events.pedestrian_crossing import PedestrianCrossing
 from rudc.scenario.events.vehicle_crossing import VehicleCrossing, beyond_way
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
+from rudc.scenario.selectors import ByArm
 from rudc.scenario.spread import spread
 from rudc.scenario.triggers import Threshold
 from rudc.vehicle import EgoVehicle
@@ -38,6 +39,7 @@ from rudc.world.vehicle_types import VEHICLE_TYPES
 if TYPE_CHECKING:
     from rudc.network.network import Network
     from rudc.network.road import Movement
+    from rudc.scenario.events import Event
     from rudc.scenario.model import Scalar, Scenario
     from rudc.scenario.triggers import Conditions, Trigger
 
@@ -149,11 +151,41 @@ def _nobody(scenario: Scenario) -> Iterator[str]:
         if not any(arrivals(network.paths, row, who == "oncoming").any() for row in rows)
     }  # fmt: skip
     for number, event in enumerate(scenario.events, start=1):
-        for who in sorted(missing.keys() & selected([event])):
+        for who in sorted(missing.keys() & _needed(event)):
             yield (
                 f"event {numbered(number, event)} can never happen: no arm lies {missing[who]}, from "
                 f"which a vehicle ({who}) would come"
             )
+
+
+def _never_comes(scenario: Scenario) -> Iterator[str]:
+    """Events whose vehicle is of a kind that never comes by the ego's own arm, where none is added."""
+    network, movements = _roads(scenario)
+    arms = {movement.origin for movement in movements}
+    for number, event in enumerate(scenario.events, start=1):
+        for who in _needed(event):
+            if (
+                not isinstance(who, ByArm)
+                or {network.arm(name).name for name in possible(who.origin)} != arms
+            ):
+                continue
+            kinds = [kind for kind in possible(who.type) if kind is not None]
+            if len(arms) == 1 and kinds and not any(_may_come(scenario, kind) for kind in kinds):
+                yield (
+                    f"event {numbered(number, event)} can never happen: traffic.mix has no "
+                    f"{' or '.join(kinds)}, and on the ego's own arm none is added"
+                )
+
+
+def _may_come(scenario: Scenario, kind: str) -> bool:
+    """Whether traffic may have a kind of vehicle."""
+    return bool(getattr(scenario.traffic.mix, kind).support[1])
+
+
+def _needed(event: Event) -> list[str | ByArm]:
+    """Whom an event selects, itself and in the conditions that must all hold."""
+    when = event.when and event.when.model_copy(update={"any": None})
+    return selected([event.model_copy(update={"when": when})])
 
 
 def _too_fast(scenario: Scenario) -> Iterator[str]:
@@ -284,7 +316,9 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
             )
 
 
-_FINDERS = _in_vain, _nobody, _too_fast, _out_of_reach, _nowhere, _beyond, _unpaused
+_FINDERS = (
+    _in_vain, _nobody, _never_comes, _too_fast, _out_of_reach, _nowhere, _beyond, _unpaused,
+)  # fmt: skip
 
 
 def _where(swept: dict[str, Scalar]) -> str:

@@ -138,7 +138,8 @@ def _of_a_vehicle(events: tuple[Event, ...]) -> tuple[Event, ...]:
             state = event.when.event_state if event.when else None
             if state is None:
                 refuse(
-                    "`same` is the vehicle of the event that this one waits for; add `event_state` to `when`",
+                    "`same` is the vehicle of the event that this one waits for; add `event_state` to `when`"
+                    " (not in a group of `any`)",
                     k, *key,
                 )  # fmt: skip
             first, last = (int(end) for end in state.event.support)

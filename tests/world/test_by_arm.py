@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rudc.errors import ScenarioError
+from rudc.evaluation.preflight import never_happening
 from rudc.geometry import rectangle_gaps
 from rudc.scenario import load_scenario
 from rudc.scenario.selectors import ByArm
@@ -142,3 +143,26 @@ def test_one_whose_turn_is_named_takes_no_other_where_its_way_is_blocked(world):
         for _ in range(80):
             world.advance(np.array([-6.0, 0.0]))
         assert (driver.destination == "north") is keeps
+
+
+@pytest.mark.parametrize(
+    ("origin", "kind", "warned"),
+    [
+        ("south", "truck", True),
+        ("south", {"choice": ["truck", "bus"]}, True),
+        ("south", {"choice": ["truck", "car"]}, False),
+        ("south", None, False),
+        ("east", "truck", False),
+    ],
+)
+def test_a_kind_that_never_comes_by_the_egos_own_arm_is_warned_of(origin, kind, warned):
+    vehicle = {"from": origin, **({} if kind is None else {"type": kind})}
+    route = {"from": "south", "turn": "left"}
+
+    def said(event):
+        return never_happening(load_scenario("random_destination", {"ego.route": route, "events": [event]}))
+
+    found = said({"kind": "hard_brake", "vehicle": vehicle})
+    assert [("on the ego's own arm none is added" in text) for text in found] == [True] * warned
+    group = {"any": [{"time_headway": {"vehicle": vehicle, "below": 2}}, {"speed": {"above": 1}}]}
+    assert said({"kind": "density_surge", "density": 5, "when": group}) == [], "the other group may hold"

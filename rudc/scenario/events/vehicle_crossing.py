@@ -32,7 +32,7 @@ class VehicleCrossing(Event, frozen=True):
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
     from_side: Side = "right"
-    """side they start from, as seen going towards the junction"""
+    """side they start from, as seen going towards the junction: on `ego_out`, `right` is the ego's left"""
     pause: Pause | None = None
     """where they stop on their way, all at once, and for how long; by default nowhere"""
 
