@@ -16,7 +16,8 @@
                  ego can stop for anybody who may come from where it does not see (hidden.py).
                  A road that grips well may become poor within a bend. So the ego also drives only so fast
                  that it would come at most WIDE m off its line on the next LOST_M m if the grip fell to
-                 POOREST.
+                 POOREST, or to AGAIN of the least that this road has shown, if that is less: where there was
+                 foam or oil once, there may be more.
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g, or of FIRM mu g
                  where the road has shown less grip than a dry one: wheels that ask for more do not turn the
                  car any further, and take all grip from the brakes
@@ -62,6 +63,9 @@ it must have been late to be driven warily for good; share of mu g that bends ma
 and for good after that"""
 POOREST, WIDE, LOST_M = 0.45 * GRAVITY, 1.0, 12.0
 """m/s2, m, m: a wet, dirty road's grip; how far off its line an ego may come on it, and within which way"""
+AGAIN, GRADE = 0.6, 0.25
+"""share of the least grip that a road has shown, to which it may fall again; m/s2, steps in which that is
+kept"""
 FIRM = 0.95
 """share of a limited mu g that steering may ask for: all of it would leave nothing for the brakes if the road
 gave a little less than is known
@@ -76,7 +80,7 @@ SLOWEST, FASTEST, HALVINGS = 1.0, 50.0, 14
 drives; steps in which a speed is found"""
 
 _falling: Remembered[ReferencePath, Array] = Remembered()
-"""`_if_grip_falls` of each path"""
+"""`_if_grip_falls` of each path, to POOREST"""
 
 
 class Adaptation:
@@ -103,8 +107,11 @@ class Adaptation:
         """whether it was late for LATE_FOR_S and became prompt again"""
         self._probe = Probe() if self._probes else None
         self._slide = Slide()
-        self._profiles: dict[tuple[float, float, float], Array] = {}
-        """m/s2 of grip, share of it that bends may ask for, s of lag -> m/s at each station of `_path`"""
+        self._poorest = POOREST
+        """m/s2, to which the grip may fall"""
+        self._profiles: dict[tuple[float, float, float, float], Array] = {}
+        """m/s2 of grip, share of it that bends may ask for, s of lag, m/s2 to which grip may fall -> m/s at
+        each station of `_path`"""
         self._path: ReferencePath | None = None
 
     def see(self, scene: Scene) -> Scene:
@@ -118,6 +125,7 @@ class Adaptation:
             self.estimate = self._monitor.update(scene.ego, scene.last_u, self._decision_s)
             if self._known and scene.actuation is not None:
                 self.estimate = PlantEstimate(scene.actuation, unusual=scene.actuation != Actuation())
+            self._fear(self.estimate.grip)
             self._notice_late(scene.time_s)
             if self._probe is not None:
                 self._probe.look(scene, self.estimate.grip)
@@ -155,6 +163,11 @@ class Adaptation:
     def _limited(self) -> bool:
         """Whether the road has shown less grip than a dry one."""
         return self.estimate.grip < DRY * GRAVITY
+
+    def _fear(self, grip: float) -> None:
+        """Where the road has shown less than POOREST, expect AGAIN of the least of it."""
+        if grip < POOREST:
+            self._poorest = min(self._poorest, max(GRADE * round(AGAIN * grip / GRADE), GRADE))
 
     def _notice_late(self, time_s: float) -> None:
         """Find out whether the car is late, and whether it was for long and is no longer."""
@@ -203,11 +216,14 @@ class Adaptation:
         wary = self._wary or self._late_since is not None
         share = WARY if wary else LATERAL if self._limited else USABLE
         car = grip, share, lag_s
-        profile = self._profiles.get(car)
+        profile = self._profiles.get((*car, self._poorest))
         if profile is None:
             body = scene.vehicle
-            most = _falling.get(path, lambda: _if_grip_falls(path))
-            profile = self._profiles[car] = _profile(path, body, *car, _braking(scene, grip), most)
+            most = _falling.get(path, lambda: _if_grip_falls(path, POOREST))
+            if self._poorest < POOREST:
+                most = _if_grip_falls(path, self._poorest)
+            profile = _profile(path, body, *car, _braking(scene, grip), most)
+            self._profiles[*car, self._poorest] = profile
         return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:
@@ -251,16 +267,16 @@ def _profile(
     return np.sqrt(best)
 
 
-def _if_grip_falls(path: ReferencePath) -> Array:
+def _if_grip_falls(path: ReferencePath, poorest: float) -> Array:
     """(M,) m/s, FASTEST or less: the highest speed at each station with which an ego that can turn with
-    POOREST only, and keeps its speed, comes at most WIDE m off its line in the next LOST_M m.
+    `poorest` m/s2 only, and keeps its speed, comes at most WIDE m off its line in the next LOST_M m.
     """
     ahead = np.pad(path.curvature, (0, round(LOST_M / SPACING)), mode="edge")
     bend = np.lib.stride_tricks.sliding_window_view(ahead, round(LOST_M / SPACING))[: len(path.curvature)]
     low, high = np.full(len(bend), SLOWEST), np.full(len(bend), FASTEST)
     for _ in range(HALVINGS):
         v = 0.5 * (low + high)
-        can = (POOREST / v**2)[:, None]
+        can = (poorest / v**2)[:, None]
         turned = np.cumsum(bend - np.clip(bend, -can, can), axis=1) * SPACING
         fits = (np.abs(np.cumsum(turned, axis=1)) * SPACING).max(axis=1) <= WIDE
         low, high = np.where(fits, v, low), np.where(fits, high, v)

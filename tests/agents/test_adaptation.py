@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.adaptation import BRAKING, FIRM, FULL, USABLE, WARY, Adaptation, _if_grip_falls
+from rudc.agents.adaptation import BRAKING, FIRM, FULL, POOREST, USABLE, WARY, Adaptation, _if_grip_falls
 from rudc.env.tracking import steering
 from rudc.network.network import load_network
 from rudc.network.paths import SPACING
@@ -163,6 +163,6 @@ def test_a_car_that_was_late_for_long_is_not_trusted_in_bends_any_more(make_scen
         adaptation.see(replace(scene, time_s=0.1 * k, actuation=lag))
     tightest = float(np.abs(scene.route.path.curvature).max())
     profile = adaptation._speeds(scene, DRY * GRAVITY, 0.0)
-    falls = _if_grip_falls(scene.route.path).min()
+    falls = _if_grip_falls(scene.route.path, POOREST).min()
     assert profile.min() == pytest.approx(min(math.sqrt(share * DRY * GRAVITY / tightest), falls))
     assert (profile.min() < falls - 0.1) == (share == WARY)

@@ -15,13 +15,13 @@ from rudc.world.ego import DRY, GRAVITY, EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 
-def off_line(path, s, v):
+def off_line(path, s, v, poorest=POOREST):
     """m that a car comes off the path within LOST_M from s on, if it turns as the path does, but with
-    POOREST at most."""
+    `poorest` m/s2 at most."""
     turned = beside = farthest = 0.0
     for x in np.arange(0.0, LOST_M, 0.05):
         bend = float(path.curvature_at(min(s + x, path.length)))
-        turned += 0.05 * (bend - min(max(bend, -POOREST / v**2), POOREST / v**2))
+        turned += 0.05 * (bend - min(max(bend, -poorest / v**2), poorest / v**2))
         beside += 0.05 * turned
         farthest = max(farthest, abs(beside))
     return farthest
@@ -33,7 +33,7 @@ def off_line(path, s, v):
 def test_the_speed_is_the_highest_with_which_it_stays_near_its_line(network, turn):
     network = load_network(network)
     path = network.route("south", turn).path
-    fastest, bound = _if_grip_falls(path), 0
+    fastest, bound = _if_grip_falls(path, POOREST), 0
     for i in range(0, len(fastest), 6):
         v = float(fastest[i])
         assert off_line(path, i * SPACING, v) < WIDE * 1.15
@@ -44,7 +44,26 @@ def test_the_speed_is_the_highest_with_which_it_stays_near_its_line(network, tur
 
 
 def test_on_a_straight_road_nothing_is_lost(make_scene):
-    assert _if_grip_falls(make_scene(turn="straight").route.path).min() > 0.99 * FASTEST
+    assert _if_grip_falls(make_scene(turn="straight").route.path, POOREST).min() > 0.99 * FASTEST
+
+
+@pytest.mark.parametrize(("friction", "least"), [(0.6, POOREST), (0.3, 1.75), (0.03, 0.25)])
+def test_a_road_that_has_been_slippery_may_be_so_again(make_scene, friction, least):
+    """held-out-45: foam on the approach, then more of it on the ring; on the dry stretch between the agents
+    sped up to 8 m/s."""
+    scene, adaptation = make_scene(turn="left"), Adaptation("known", probe=False)
+    adaptation.reset(scene)
+    fresh = adaptation._speeds(scene, DRY * GRAVITY, 0.0)
+    for time_s, now in ((0.1, friction), (0.2, DRY)):
+        adaptation.see(replace(scene, time_s=time_s, actuation=Actuation(friction=now)))
+    speeds = adaptation._speeds(scene, DRY * GRAVITY, 0.0)
+    tightest = int(np.argmax(np.abs(scene.route.path.curvature)))
+    assert off_line(scene.route.path, tightest * SPACING, float(speeds[tightest]), least) < WIDE * 1.15
+    assert (speeds <= fresh).all()
+    assert (speeds.min() < 0.9 * fresh.min()) == (least < POOREST)
+    assert speeds[0] > 25.0, "far from a bend it may do what it did"
+    adaptation.reset(scene)
+    assert (adaptation._speeds(scene, DRY * GRAVITY, 0.0) == fresh).all(), "the next episode begins anew"
 
 
 def test_it_is_never_faster_on_a_poorer_road(make_scene):
