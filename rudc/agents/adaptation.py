@@ -137,10 +137,10 @@ class Adaptation:
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) m/s2 and rad, the command `u` (2,) within its bounds; `scene` as `see` showed it.
-        `onwards`: the speed is bounded in bends only, and no probe is made.
+        `onwards`: the speed is bounded in bends only, by the grip that is known, and no probe is made.
         """
         a, delta, grip = float(u[0]), float(u[1]), min(self.estimate.grip, DRY * GRAVITY)
-        allowed = self._allowed(scene, grip)
+        allowed = self._allowed(scene, grip, feared=not onwards)
         if grip < POOR and not onwards:
             braking = _braking(scene, grip)
             allowed = min(allowed, careful(braking), speed_by_sight(scene, braking))
@@ -198,16 +198,17 @@ class Adaptation:
         waited = 0.0 if ego.v >= STANDING else scene.waited_s
         return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
 
-    def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
-        """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`
-        from here to where the ego will be once its speed has followed the command."""
-        profile = self._speeds(scene, grip, self.estimate.actuation.lag_s)
+    def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0, *, feared: bool = True) -> float:
+        """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2) or, if it is `feared`,
+        with what it may fall to: the least of `_speeds` from here to where the ego will be once its speed has
+        followed the command."""
+        profile = self._speeds(scene, grip, self.estimate.actuation.lag_s, feared=feared)
         within_s = max(GOVERNED_S, self._decision_s)
         way = scene.ego.v * (within_s + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         return min(profile[first : first + int(way / SPACING) + 1].tolist())
 
-    def _speeds(self, scene: Scene, grip: float, lag_s: float) -> Array:
+    def _speeds(self, scene: Scene, grip: float, lag_s: float, *, feared: bool = True) -> Array:
         """(M,) m/s, `_profile` of the ego's path; kept for the next call."""
         path = scene.route.path
         if self._path is not path:
@@ -216,14 +217,16 @@ class Adaptation:
         wary = self._wary or self._late_since is not None
         share = WARY if wary else LATERAL if self._limited else USABLE
         car = grip, share, lag_s
-        profile = self._profiles.get((*car, self._poorest))
+        poorest = self._poorest if feared else math.inf
+        profile = self._profiles.get((*car, poorest))
         if profile is None:
-            body = scene.vehicle
-            most = _falling.get(path, lambda: _if_grip_falls(path, POOREST))
-            if self._poorest < POOREST:
-                most = _if_grip_falls(path, self._poorest)
-            profile = _profile(path, body, *car, _braking(scene, grip), most)
-            self._profiles[*car, self._poorest] = profile
+            most = np.full(len(path.curvature), FASTEST)
+            if poorest == POOREST:
+                most = _falling.get(path, lambda: _if_grip_falls(path, POOREST))
+            elif feared:
+                most = _if_grip_falls(path, poorest)
+            profile = _profile(path, scene.vehicle, *car, _braking(scene, grip), most)
+            self._profiles[*car, poorest] = profile
         return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:

@@ -62,6 +62,9 @@ def test_a_road_that_has_been_slippery_may_be_so_again(make_scene, friction, lea
     assert (speeds <= fresh).all()
     assert (speeds.min() < 0.9 * fresh.min()) == (least < POOREST)
     assert speeds[0] > 25.0, "far from a bend it may do what it did"
+    unfeared = adaptation._speeds(scene, DRY * GRAVITY, 0.0, feared=False)
+    assert (unfeared >= fresh).all(), "who must go on looks at the grip that is known"
+    assert unfeared.min() > 1.05 * fresh.min()
     adaptation.reset(scene)
     assert (adaptation._speeds(scene, DRY * GRAVITY, 0.0) == fresh).all(), "the next episode begins anew"
 
