@@ -16,7 +16,7 @@
                  ego can stop for anybody who may come from where it does not see (hidden.py).
                  A road that grips well may become poor within a bend. So the ego also drives only so fast
                  that it would come at most WIDE m off its line on the next LOST_M m if the grip fell to
-                 POOREST, or to AGAIN of the least that this road has shown, if that is less: where there was
+                 POOREST or, where this road has shown less than that, to AGAIN of the least: where there was
                  foam or oil once, there may be more.
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g, or of FIRM mu g
                  where the road has shown less grip than a dry one: wheels that ask for more do not turn the
@@ -154,9 +154,8 @@ class Adaptation:
         delta = min(max(self._hastened(scene.ego.steering, delta), -widest), widest)
         u = u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
         if self._limited:
-            u = self._slide.hold(
-                scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip, 0.0)
-            )
+            profile = self._speeds(scene, grip, 0.0, feared=False)
+            u = self._slide.hold(scene, u, grip, self.estimate.actuation.lag_s, profile)
         return u
 
     @property

@@ -160,7 +160,8 @@ class Courses:
         if self.course is not None and scene.time_s > self._free_s + STUCK_S:
             own = _first_hit(scene, blocks, clear)
             if own > max(hit, SHORT + BACK) and abs(scene.ego_offset) < MISSED:
-                self.course, hit, wait, shown = None, own, _wait(scene, blocks), scene
+                self.course, self._strays, self._round = None, frozenset(), np.zeros((0, 2))
+                hit, wait, shown = own, _wait(scene, blocks), scene
         self._stop = min(hit - SHORT, wait)
         return shown
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from rudc.network.road import Movement
     from rudc.scenario.events import Event
     from rudc.scenario.model import Scalar, Scenario
-    from rudc.scenario.triggers import Conditions, Trigger
+    from rudc.scenario.triggers import Conditions
 
 COUNTED = "simulation_time", "event_state"
 """conditions on a time that goes on by DECISION_S from one decision to the next"""
@@ -94,10 +94,10 @@ def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
 def never_happening(scenario: Scenario) -> list[str]:
     """A line for each event that can never happen: it waits for a time, a way, a speed or a place that no
     episode reaches, for a quantity below its least value, for a time between two decisions, for the end of an
-    event without duration, or for a vehicle from where no arm is, or its probability is 0; one for a start
-    speed or a destination that no episode reaches; one for each kind of `traffic.mix` that may drive nowhere;
-    and one for what stands in or crosses the ego's exit beyond its destination. Of a sweep, at the points
-    that `tried_points` chooses."""
+    event without duration, or for a vehicle from where no arm is or of a kind that never comes by the ego's
+    own arm, or its probability is 0; one for a start speed or a destination that no episode reaches; one for
+    each kind of `traffic.mix` that may drive nowhere; and one for what stands in or crosses the ego's exit
+    beyond its destination. Of a sweep, at the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
@@ -110,16 +110,24 @@ def _in_vain(scenario: Scenario) -> Iterator[str]:
     for number, event in enumerate(scenario.events, start=1):
         if event.when is None:
             continue
-        end = scenario.episode.timeout.support[1]
-        for why in (
-            *_never(event.when, end),
-            *_endless(scenario, number - 1),
-            *_passed(scenario, event.when),
-        ):
+        reasons = [*_why_not(scenario, number - 1, event.when)]
+        groups = [[*_why_not(scenario, number - 1, group)] for group in event.when.any or ()]
+        if event.when.chance.support[1] == 0.0:
+            reasons.insert(0, "its probability is 0")
+        if groups and all(groups):
+            reasons.append(" and ".join(dict.fromkeys(why for why, *_ in groups)))
+        for why in reasons:
             yield f"event {numbered(number, event)} can never happen: {why}"
 
 
-def _passed(scenario: Scenario, when: Trigger) -> Iterator[str]:
+def _why_not(scenario: Scenario, waiting: int, group: Conditions) -> Iterator[str]:
+    """Why conditions of the event number `waiting`, from 0, can never hold together, as far as is known."""
+    yield from _never(group, scenario.episode.timeout.support[1])
+    yield from _endless(scenario, waiting, group)
+    yield from _passed(scenario, group)
+
+
+def _passed(scenario: Scenario, when: Conditions) -> Iterator[str]:
     """Why the ego never comes so far beyond its stop line."""
     below = when.ego_distance_to_junction and when.ego_distance_to_junction.below
     if not below:
@@ -184,8 +192,9 @@ def _may_come(scenario: Scenario, kind: str) -> bool:
 
 def _needed(event: Event) -> list[str | ByArm]:
     """Whom an event selects, itself and in the conditions that must all hold."""
-    when = event.when and event.when.model_copy(update={"any": None})
-    return selected([event.model_copy(update={"when": when})])
+    if event.when is None or event.when.any is None or len(event.when.any) == 1:
+        return selected([event])
+    return selected([event.model_copy(update={"when": event.when.model_copy(update={"any": None})})])
 
 
 def _too_fast(scenario: Scenario) -> Iterator[str]:
@@ -201,10 +210,9 @@ def _too_fast(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:
+def _endless(scenario: Scenario, waiting: int, when: Conditions) -> Iterator[str]:
     """Why the end of an event never comes for which the event number `waiting`, from 0, waits."""
-    when = scenario.events[waiting].when
-    after = when.event_state if when else None
+    after = when.event_state
     if after is None or after.state != "over" or after.event.support[0] != after.event.support[1]:
         return
     k = int(after.event.support[0])
@@ -215,17 +223,7 @@ def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:
         yield f"it waits for the end of event {numbered(k + 1, awaited)}, which has no duration"
 
 
-def _never(when: Trigger, end: float) -> Iterator[str]:
-    """Why it can never come true in an episode that ends at `end` (s), as far as that is known."""
-    if when.chance.support[1] == 0.0:
-        yield "its probability is 0"
-    yield from _not_together(when, end)
-    groups = [[*_not_together(group, end)] for group in when.any or ()]
-    if groups and all(groups):
-        yield groups[0][0]
-
-
-def _not_together(when: Conditions, end: float) -> Iterator[str]:
+def _never(when: Conditions, end: float) -> Iterator[str]:
     """Why conditions can never hold together in an episode that ends at `end` (s), as far as is known."""
     fastest = EgoVehicle().v_max
     ends, drives = f"episodes end at {end:g} s (episode.timeout)", f"the ego drives at most {fastest:g} m/s"

@@ -83,7 +83,9 @@ def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Itera
                 continue
             called = called.strip()
             if called not in numbers:
-                later = [i for i, other in enumerate(read) if i > k and other.get("name") == called]
+                later = [
+                    i for i, other in enumerate(read) if i > k and str(other.get("name")).strip() == called
+                ]
                 problems.append(detail(_nobody_called(called, numbers, later), (k, *keys), events))
             changed, _ = with_value(changed, ".".join(map(str, keys)), numbers.get(called, 0))
         yield changed

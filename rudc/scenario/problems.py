@@ -106,7 +106,7 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
             forms = f", {FORMS}" if "<constant>" in loc else ""
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
     if "<role>" in loc:
-        context = {**context, "form": " or {from: ARM, turn: ...}"}
+        context = {**context, "form": " or {from: ARM, turn: ..., type: ...}"}
     if "<word>" in loc:
         context = {**context, "form": " or {choice: [...]}"}
     elif path[:1] and path[0] not in FIXED and path[-1] != "name":

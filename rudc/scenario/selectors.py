@@ -11,7 +11,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from rudc.scenario.base import FileModel
-from rudc.scenario.choices import AnyVehicleType, ChoiceParameters, OrChoice, Place, Turn, WordChoice
+from rudc.scenario.choices import (
+    AnyVehicleType,
+    ChoiceParameters,
+    OrChoice,
+    Place,
+    Turn,
+    WordChoice,
+    possible,
+)
 
 Role = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
 """`same` is the vehicle of the event that `event_state` names"""
@@ -46,7 +54,7 @@ class ByArm(FileModel, frozen=True):
 
     def __str__(self) -> str:
         named = ("from", self.origin), ("turn", self.turn), ("type", self.type)
-        return " ".join(f"{key} {word}" for key, word in named if word)
+        return " ".join(f"{key} {' or '.join(possible(word))}" for key, word in named if word)
 
 
 def _form(value: Any) -> str:

@@ -216,10 +216,10 @@ class Conditions(FileModel, frozen=True):
 
 
 class Trigger(Conditions, frozen=True):
-    """Conditions that must all hold at once for the event to happen."""
+    """When the event happens: conditions that must all hold at once, and of the groups in `any` one."""
 
     any: Annotated[tuple[Conditions, ...], AfterValidator(_some)] | None = None
-    """groups of these conditions, of which one at least must hold, besides"""
+    """groups of these conditions; at least one group must hold, too"""
     probability: Annotated[AnyDistribution, Bounds(0, 1)] | None = None
     """whether the event happens in this episode at all; drawn once per episode"""
 

@@ -82,11 +82,15 @@ def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.rando
     for selector in ("leader", "follower"):
         if selector in wanted:
             added += _in_line(scene, stage, rng, ahead=selector == "leader")
-    by_arm = sorted((who for who in wanted if isinstance(who, ByArm)), key=lambda who: who.turn is None)
+    by_arm = sorted(
+        (who for who in wanted if isinstance(who, ByArm)),
+        key=lambda who: (who.turn is None) + (who.type is None),  # who is most particular comes first
+    )
     placed: list[_Placed] = []
-    for selector in (*(who for who in ("oncoming", "crossing") if who in wanted), *by_arm):
+    for selector in (*by_arm, *(who for who in ("oncoming", "crossing") if who in wanted)):
         there, type_ = comes_from(scene, selector), _type(selector)
-        fit = [one for one in placed if there[_row(scene, one.movement)] and type_ in (None, one.type)]
+        serves = there if isinstance(selector, ByArm) else there & _crosses(scene)
+        fit = [one for one in placed if serves[_row(scene, one.movement)] and type_ in (None, one.type)]
         if not fit and not _due(scene, selector):
             placed += _towards_junction(scene, stage, rng, selector, placed)
         if isinstance(selector, ByArm) and selector.turn:

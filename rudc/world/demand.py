@@ -63,7 +63,8 @@ def no_way(network: Network, origins: Iterable[str] | None, turns: Iterable[str]
     """Says that nobody comes by the arms (None: by any) with one of the turns (None: with any)."""
     names = [*(origins or ())]
     if names and not any(network.arm(name).in_lanes for name in names):
-        return f"network {network.name}: nothing enters by {' or '.join(names)}, which is one-way"
+        which = "which is" if len(names) == 1 else "which are"
+        return f"network {network.name}: nothing enters by {' or '.join(names)}, {which} one-way"
     how = "" if turns is None else f" {' or '.join(turns)}"
     where = f" from {' or '.join(names)}" if names else ""
     return f"network {network.name}: no way leads{how}{where}"

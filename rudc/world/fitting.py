@@ -160,9 +160,9 @@ def _by_arm(value: Any, path: Path) -> Iterator[tuple[Path, ByArm]]:
     """Every selector of an event, and of its conditions, that names an arm, and its own place in the file."""
     if isinstance(value, ByArm):
         yield path, value
-    elif isinstance(value, FileModel):
-        for key, part in parts_of(value):
-            yield from _by_arm(part, (*path, key))
+        return
+    for key, part in parts_of(value):
+        yield from _by_arm(part, (*path, key))
 
 
 def _nobody_by(network: Network, path: Path, who: ByArm) -> list[Problem]:

@@ -152,9 +152,10 @@ def test_who_has_stood_on_a_course_that_is_no_longer_clear_goes_back_to_its_rout
     beside = {"at": tuple(float(value) for value in course.path.pose(alone.ego_s + 9.0))}
     scene, courses = make_scene(across, beside, turn="straight", front=-40.0, v=0.0), Courses()
     courses.reset(scene)
-    courses.course = course
+    courses.course, courses._strays, courses._round = course, frozenset({"gone"}), np.zeros((1, 2))
     look(courses, scene, 48)
     assert courses.course is course
     look(courses, scene, 10, first=48)
     assert (courses.course is None) is back
+    assert (not courses._strays and not len(courses._round)) is back, "what the course was for is forgotten"
     assert accelerates(courses, replace(scene, time_s=scene.time_s + 6.0)) == back

@@ -50,7 +50,7 @@ def test_what_is_wrong_is_said_at_its_place(problems):
         "3:34: events.0.vehicle.frm: unknown key (did you mean 'from'?)",
         "3:52: events.0.vehicle.turn: expected one of left, straight, right or {choice: ...}; got ...",
         "4:33: events.1.vehicle.from: is missing, and it is required",
-        "5:33: events.2.vehicle: expected one of leader, ..., same or {from: ARM, turn: ...}; got a list...",
+        "5:33: events.2.vehicle: expected one of leader, ..., same or {from: ARM, ...}; got a list...",
         "6:33: events.3.vehicle: expected one of leader, ... 'ledaer' (did you mean 'leader'?)",
         "7:62: events.4.when.time_headway.vehicle.from: expected text or {choice: [...]}, got ...1.5",
     )

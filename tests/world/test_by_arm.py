@@ -78,12 +78,40 @@ def test_two_on_one_arm_keep_their_distance(world):
     both = brake(**{"from": "east", "turn": "straight"}), brake(**{"from": "east", "turn": "left"})
     for seed in range(6):
         scene = world.reset(replace(QUIET, events=both).plan(seed))
-        assert scene.count in (1, 2)
-        if scene.count == 2:
-            assert rectangle_gaps(
-                *scene.position[0], scene.heading[0], *scene.size[0],
-                scene.position[1:], scene.heading[1:], scene.size[1:],
-            )[0] > 5.0  # fmt: skip
+        assert scene.count == 2
+        gaps = rectangle_gaps(
+            *scene.position[0], scene.heading[0], *scene.size[0],
+            scene.position[1:], scene.heading[1:], scene.size[1:],
+        )  # fmt: skip
+        assert gaps[0] > 5.0
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ({"from": "east", "turn": "left"}, {"from": "east", "turn": "left", "type": "bus"}),
+        ({"from": "east"}, {"from": "east", "type": "bus"}),
+    ],
+)
+def test_one_that_is_asked_for_in_particular_serves_those_who_ask_for_less(world, first, second):
+    for seed in range(4):
+        scene = world.reset(replace(QUIET, events=(brake(**first), brake(**second))).plan(seed))
+        assert [Kind(int(kind)) for kind in scene.kind] == [Kind.BUS]
+
+
+def test_one_of_the_traffic_that_is_due_serves(world):
+    """Where it comes so anyway, nobody is added."""
+    served = 0
+    for seed in range(12):
+        busy = replace(QUIET, density=30.0)
+        alone = world.reset(busy.plan(seed))
+        due = towards_junction(alone, by("east")) - (alone.route.stop_line_s - alone.ego_s) / alone.ego.v
+        asked = world.reset(replace(busy, events=(brake(**{"from": "east"}),)).plan(seed))
+        soon = bool(((due > 0.0) & (due < 4.0)).any())
+        served += soon
+        if soon:
+            assert asked.count == alone.count, seed
+    assert served > 2
 
 
 def test_the_first_at_its_stop_line_is_chosen_of_those_that_cross_the_egos_way_if_any_does(world):
@@ -119,6 +147,11 @@ def test_arms_and_turns_that_the_network_lacks_are_said_each_once():
         },
         {"kind": "hard_brake", "when": {"time_headway": {"vehicle": {"from": "north"}, "below": 2}}},
     ]
+    groups = [
+        {"reach_position": {"lane": "north_in_0", "at": 5}},
+        {"time_headway": {"vehicle": {"from": "nrth"}, "below": 2}},
+    ]
+    events.append({"kind": "hard_brake", "when": {"any": groups}})
     with pytest.raises(ScenarioError) as error:
         load_scenario("random_destination", {"network": "t_junction", "events": events}, misfits)
     said = str(error.value)
@@ -126,7 +159,9 @@ def test_arms_and_turns_that_the_network_lacks_are_said_each_once():
     assert "events.1.vehicle.turn: network t_junction: no way leads straight from south" in said
     assert "events.1.vehicle.turn: network t_junction: no way leads right from east" in said
     assert "events.2.when.time_headway.vehicle.from: no arm 'north'" in said
-    assert len(said.splitlines()) == 4
+    assert "events.3.when.any.0.reach_position.lane: no lane 'north_in_0'" in said
+    assert "events.3.when.any.1.time_headway.vehicle.from: no arm" in said
+    assert len(said.splitlines()) == 6
 
 
 def test_one_whose_turn_is_named_takes_no_other_where_its_way_is_blocked(world):

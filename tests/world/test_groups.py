@@ -58,3 +58,6 @@ def test_what_can_never_come_true_is_warned_of_only_if_no_group_can():
     assert said(never, ever) == []
     (why,) = said(never, {"speed": {"above": 50}})
     assert "can never happen: it waits for simulation_time above 500 s" in why
+    assert " and it waits for speed above 50 m/s" in why
+    (why,) = said({"ego_distance_to_junction": {"below": -900}})
+    assert "can never happen: it waits for ego_distance_to_junction below -900 m" in why

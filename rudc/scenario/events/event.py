@@ -50,7 +50,7 @@ class Event(FileModel, frozen=True):
     name: Annotated[NonEmpty, AfterValidator(_plain)] | None = None
     """a name of its own, by which `event_state` may call it; by default only its number in the file"""
     when: Trigger | None = None
-    """conditions that must all hold for it to happen, once; without them it happens at the start"""
+    """conditions under which it happens, once; without them it happens at the start"""
 
     def happens(self, rng: np.random.Generator) -> bool:
         """Whether it happens in an episode, drawn with its `probability`."""
