@@ -213,9 +213,10 @@ class LastResort:
         for others, flags in avoided:
             end = others.place.shape[1]
             for share, rows in ((1.0, flags & ~tight), (TIGHT, flags & tight)):
-                room = self._room(scene, others, place[:end], facing[:end], share * self._margin)
-                if (room[rows] < -CREEPING).any():
-                    return False
+                if rows.any():
+                    room = self._room(scene, others, place[:end], facing[:end], share * self._margin)
+                    if (room[rows] < -CREEPING).any():
+                        return False
         return True
 
     def _ended(self, scene: Scene, way: Array, end_s: float) -> Array:
@@ -343,8 +344,7 @@ class LastResort:
         self, scene: Scene, others: Others, place: Complex, facing: Complex, margin: float | None = None
     ) -> Array:
         """(m,) m, room that an ego at `place` (T,) m facing `facing` (T,) has towards each; inf if it does
-        not come near. `margin`: m, else last_resort_margin.
-        """
+        not come near. `margin`: m, else last_resort_margin."""
         body, margin = scene.vehicle, self._margin if margin is None else margin
         return room_left(
             others.place, others.facing, others.half, others.still, place, facing,
