@@ -125,7 +125,7 @@ class Adaptation:
             self.estimate = self._monitor.update(scene.ego, scene.last_u, self._decision_s)
             if self._known and scene.actuation is not None:
                 self.estimate = PlantEstimate(scene.actuation, unusual=scene.actuation != Actuation())
-            self._fear(self.estimate.grip)
+            self._expect_again(self.estimate.grip)
             self._notice_late(scene.time_s)
             if self._probe is not None:
                 self._probe.look(scene, self.estimate.grip)
@@ -163,7 +163,7 @@ class Adaptation:
         """Whether the road has shown less grip than a dry one."""
         return self.estimate.grip < DRY * GRAVITY
 
-    def _fear(self, grip: float) -> None:
+    def _expect_again(self, grip: float) -> None:
         """Where the road has shown less than POOREST, expect AGAIN of the least of it."""
         if grip < POOREST:
             self._poorest = min(self._poorest, max(GRADE * round(AGAIN * grip / GRADE), GRADE))

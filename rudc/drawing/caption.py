@@ -11,11 +11,11 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.choices import Drawable
 from rudc.scenario.distributions import Distribution
 from rudc.scenario.units import unit_of
+from rudc.world.events.account import told
 from rudc.world.scene import Kind, Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.events import Event
-    from rudc.scenario.triggers import Conditions
 
 GAP = "      "
 """between the parts of a line"""
@@ -173,14 +173,7 @@ def _numbers(model: FileModel, without: tuple[str, ...] = ()) -> list[str]:
 
 def conditions(event: Event) -> str:
     """An event's conditions in words; empty if it has none."""
-    if event.when is None:
-        return ""
-    parts, groups = _together(event.when), [" and ".join(_together(one)) for one in event.when.any or ()]
-    return " and ".join([*parts, *([f"({' or '.join(groups)})"] if len(groups) > 1 else groups)])
-
-
-def _together(group: Conditions) -> list[str]:
-    return [_condition(name, condition) for name, condition in group.conditions.items()]
+    return "" if event.when is None else told(event.when, _condition)
 
 
 def _condition(name: str, condition: FileModel) -> str:

@@ -170,15 +170,13 @@ def _never_comes(scenario: Scenario) -> Iterator[str]:
     """Events whose vehicle is of a kind that never comes by the ego's own arm, where none is added."""
     network, movements = _roads(scenario)
     arms = {movement.origin for movement in movements}
+    if len(arms) != 1:
+        return
     for number, event in enumerate(scenario.events, start=1):
-        for who in _needed(event):
-            if (
-                not isinstance(who, ByArm)
-                or {network.arm(name).name for name in possible(who.origin)} != arms
-            ):
-                continue
+        for who in (who for who in _needed(event) if isinstance(who, ByArm)):
+            own = {network.arm(name).name for name in possible(who.origin)} == arms
             kinds = [kind for kind in possible(who.type) if kind is not None]
-            if len(arms) == 1 and kinds and not any(_may_come(scenario, kind) for kind in kinds):
+            if own and kinds and not any(_may_come(scenario, kind) for kind in kinds):
                 yield (
                     f"event {numbered(number, event)} can never happen: traffic.mix has no "
                     f"{' or '.join(kinds)}, and on the ego's own arm none is added"

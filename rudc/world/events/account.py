@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from rudc.scenario.base import FileModel
     from rudc.scenario.plan import EpisodePlan
-    from rudc.scenario.triggers import Conditions
+    from rudc.scenario.triggers import Trigger
     from rudc.world.events.script import Happening
 
 
@@ -61,22 +61,24 @@ def _awaited(happening: Happening) -> str:
         return "room on the road"
     event = happening.event
     when = None if happening.refused else event.when
-    parts, groups = (_together(when), map(_together, when.any or ())) if when else ([], ())
-    if either := [" and ".join(group) for group in groups]:
-        parts.append(f"({' or '.join(either)})" if len(either) > 1 else either[0])
+    parts = [] if when is None else [told(when, lambda name, condition: f"{name} {_words(condition)}")]
     who = getattr(event, "vehicle", None)
     if who is not None:
         parts.append(f"a vehicle to act on ({who})")
     return " and ".join(parts) or ("something to act on" if happening.refused else "the first decision")
 
 
-def _together(group: Conditions) -> list[str]:
-    return [f"{name} {_words(condition)}" for name, condition in group.conditions.items()]
+def told(when: Trigger, say: Callable[[str, FileModel], str]) -> str:
+    """Conditions in words, `say(name, condition)` for each: `a and b`, `a and (b or c and d)`."""
+    own, *groups = ([say(*named) for named in group.conditions.items()] for group in when.groups.values())
+    either = [" and ".join(group) for group in groups]
+    return " and ".join([*own, *([f"({' or '.join(either)})"] if len(either) > 1 else either)])
 
 
 def _words(condition: FileModel) -> str:
     data = condition.model_dump(mode="json", exclude_none=True)
-    data |= {key: str(getattr(condition, key)) for key in ("vehicle",) if key in data}
+    if (who := getattr(condition, "vehicle", None)) is not None:
+        data["vehicle"] = str(who)
     data = {key: data[key] for key in ("event", "state") if key in data} | data  # first which, then how long
     return " ".join(
         f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in data.items()
