@@ -106,7 +106,7 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
     if not len(driven):
         return None
     paths = scene.network.paths
-    table = scene.network.departure(scene.route, route)[scene.path[driven]]
+    table = scene.network.departure(scene.route)[scene.path[driven]]
     before = scene.network.conflict(route)[scene.path[driven]]
     shared = (before[:, 0] < table[:, 0] + LONGER) & (before[:, 1] > table[:, 1] - LONGER)
     own = np.isfinite(table[:, 0]) & ~shared  # no conflict of the route (nan) is not shared

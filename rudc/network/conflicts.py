@@ -38,8 +38,6 @@ CAR = EgoVehicle()
 """an ordinary car: the ego and the others count as such where bodies are compared"""
 PASSING = 0.25
 """m beside a car that waits, with which another can just pass"""
-DEPARTS = 0.5
-"""m from its route beyond which a course has left it"""
 
 
 def conflict_table(
@@ -113,10 +111,9 @@ def _merges(path: ReferencePath, paths: PathTable, table: Array) -> Flags:
     return met & (on | (along & (end > begin + MERGED)))
 
 
-def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:
+def departure_table(course: ReferencePath, paths: PathTable) -> Array:
     """`conflict_table`, but only of the stretches of a course that lie off its route."""
-    gap, _ = KDTree(route.xy).query(course.xy)
-    return conflict_table(course, paths, gap > DEPARTS)
+    return conflict_table(course, paths, course.departs)
 
 
 def silent(path: ReferencePath, paths: PathTable, row: int) -> Array:
@@ -126,11 +123,13 @@ def silent(path: ReferencePath, paths: PathTable, row: int) -> Array:
     tight that they swing out into the way of others.
 
     Here the bodies decide: two cars meet where less than PASSING is left between them. So a stretch begins
-    where the front is when that begins, and ends where the tail is when it ends.
+    where the front is when that begins, and ends where the tail is when it ends. A course counts only where
+    it is on its route: off it, the ego gives way to all (`departure_table`).
     """
     neither = ~(paths.yields[row] | paths.yields[:, row]) & (paths.origin != paths.origin[row])
     table, half = np.full((paths.count, 4), np.nan), 0.5 * CAR.length
-    near = path.s[(path.s > paths.stop_s[row] - AROUND) & (path.s < paths.exit_s[row] + AROUND)]
+    around = (path.s > paths.stop_s[row] - AROUND) & (path.s < paths.exit_s[row] + AROUND)
+    near = path.s[around & ~path.departs]
     xy, psi = path.body_pose(near, CAR)
     for other in np.flatnonzero(neither).tolist():
         s = np.arange(paths.stop_s[other] - CAR.length, paths.exit_s[other] + AROUND, SPACING)

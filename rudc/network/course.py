@@ -130,7 +130,7 @@ class CoursePlanner:
             profile = self._lattice.search(first, last, (offset, slope), bodies, margin)
             if profile is None:
                 return None
-            path = ReferencePath(self._line(before, profile))
+            path = ReferencePath(self._line(before, profile), self._route.path)
             if self._stays_on_road(path, s, s + REACH):
                 return self._along(path)
         return None
@@ -185,7 +185,7 @@ class CoursePlanner:
         x, y, _ = path.pose(np.arange(0.0, path.project(*arc[0].tolist())[0] - STEP, FINE))
         joined = np.vstack([np.column_stack([x, y]), arc, rest[begin:]])
         fine = resample(joined, np.arange(0.0, arc_length(joined)[-1], FINE))
-        return ReferencePath(smooth(fine, FINE, BEHIND))
+        return ReferencePath(smooth(fine, FINE, BEHIND), path)
 
     def angle(self, s: float, psi: float) -> float:
         """rad, from the direction of the route's path at s m to the direction in which a car there moves, if

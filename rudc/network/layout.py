@@ -215,11 +215,11 @@ class Layout:
             self._crossings[line] = crossings(line, self.paths, twice, self.conflict(line), silent)
         return self._crossings[line]
 
-    def departure(self, course: Route, route: Route) -> Array:
+    def departure(self, course: Route) -> Array:
         """(P, 4) m, as `conflict`, but only of the stretches of a course that lie off its route."""
         line = course.path
         if line not in self._departures:
-            table = departure_table(line, route.path, self.paths)
+            table = departure_table(line, self.paths)
             table.flags.writeable = False
             self._departures[line] = table
         return self._departures[line]

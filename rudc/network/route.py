@@ -6,19 +6,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Flags
 from rudc.network.line_kernels import between, projected
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, headings, resample, without_repeats
 from rudc.vehicle import EgoVehicle
 
+DEPARTS = 0.5
+"""m from its route beyond which a course has left it"""
+
 
 class ReferencePath:
     """A smooth line sampled every 0.5 m, for projecting a vehicle on it and reading off poses. Immutable."""
 
-    def __init__(self, xy: Array) -> None:
-        """`xy`: (K, 2) m, a fine polyline (its points closer together than SPACING)."""
+    def __init__(self, xy: Array, route: ReferencePath | None = None) -> None:
+        """`xy`: (K, 2) m, a fine polyline (its points closer together than SPACING); `route`: for a course,
+        the path that it replaces.
+        """
         line = without_repeats(xy)
         count = int(arc_length(line)[-1] / SPACING) + 1
         self.s: Array = np.arange(count, dtype=np.float64) * SPACING
@@ -33,7 +39,11 @@ class ReferencePath:
         """m"""
         self.poses: Array = np.column_stack([self.xy, self.heading])
         """(M, 3) x m, y m and heading rad of the stations"""
-        for array in (self.s, self.xy, self.heading, self.curvature, self.poses):
+        self.departs: Flags = np.zeros(count, dtype=np.bool_)
+        """(M,) whether each station of a course is more than DEPARTS off its route; else all false"""
+        if route is not None:
+            self.departs = KDTree(route.xy).query(self.xy)[0] > DEPARTS
+        for array in (self.s, self.xy, self.heading, self.curvature, self.poses, self.departs):
             array.flags.writeable = False
 
     def pose(self, s: Array | float) -> tuple[Array, Array, Array]:

@@ -119,7 +119,7 @@ def test_a_course_departs_where_it_has_left_its_route(left):
     standing = bodies(beside(route, route.exit_s + 20.0, 0.0))
     course = planner.plan(route.exit_s - 10.0, 0.0, 0.0, standing, NOBODY, NOBODY)
     assert course is not None
-    table, whole = network.departure(course, route), network.conflict(course)
+    table, whole = network.departure(course), network.conflict(course)
     rows = np.flatnonzero(np.isfinite(table[:, 0]))
     assert len(rows)
     for s in table[rows, :2].ravel():
@@ -128,7 +128,21 @@ def test_a_course_departs_where_it_has_left_its_route(left):
     assert (table[rows, 0] >= whole[rows, 0]).all()
     assert (table[rows, 1] <= whole[rows, 1]).all()
     assert (table[rows, 0] > whole[rows, 0] + 20.0).any()
-    assert not np.isfinite(network.departure(route, route)).any()
+    assert not np.isfinite(network.departure(route)).any()
+
+
+def test_on_the_lane_of_oncoming_traffic_a_course_gives_way_as_it_departs_and_not_as_at_the_junction():
+    network = load_network("four_way")
+    route = network.route("south", "straight")
+    planner = CoursePlanner(network, route, BODY, may_cross_centre=True)
+    s = route.stop_line_s - 8.0
+    closed = bodies(beside(route, s, 0.0), beside(route, s, 3.2))  # both lanes of its half of the road
+    course = planner.plan(s - 25.0, 0.0, 0.0, closed, NOBODY, NOBODY)
+    assert course is not None
+    assert course.path.departs.any()
+    towards = network.paths.destination == network.paths.origin[route.row]
+    assert np.isfinite(network.departure(course)[towards, 0]).any()
+    assert not np.isfinite(network.silent(course, route.row)[towards, 0]).any()
 
 
 def test_who_comes_the_wrong_way_counts_where_it_is_said_to(left):
