@@ -1,8 +1,8 @@
 """Numbers in a scenario: fixed ones, and ones drawn at random.
 
-A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s, low: l, high: h}}` or
-`{choice: [a, b, c]}`. Normals are truncated: to their own `low` and `high`, and otherwise to what is
-physically sane for their key.
+A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s, low: l, high: h}}`,
+`{choice: [a, b, c]}`, or `{shared: name}` for one that several keys share (rudc/scenario/shared.py). Normals
+are truncated: to their own `low` and `high`, and otherwise to what is physically sane for their key.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from pydantic import (
     GetJsonSchemaHandler,
     Tag,
     TypeAdapter,
-    model_serializer,
+    ValidationError,
     model_validator,
 )
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.scenario.base import FileModel, Number, refuse, with_parts
 from rudc.scenario.choices import ChoiceParameters, Drawable
+from rudc.scenario.fixed import Constant, Distribution
+from rudc.scenario.shared import Shared
 
 FORMS = (
     "{uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be left out) "
@@ -34,75 +36,6 @@ FORMS = (
 )
 NEAREST = 1e-9
 """standard deviations, least distance of a drawn value from the cuts of a normal distribution"""
-
-
-class Distribution(Drawable, frozen=True):
-    """A number that is fixed or drawn at random. `float(d)` gives the value of a fixed one."""
-
-    def sample(self, rng: np.random.Generator) -> float:
-        """Draw one value; a fixed number leaves the generator untouched."""
-        raise NotImplementedError(f"{type(self).__name__} must say how it is drawn")
-
-    @property
-    def mean(self) -> float:
-        """Its expectation."""
-        raise NotImplementedError(f"{type(self).__name__} must say its mean")
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """Least and greatest value it can take."""
-        raise NotImplementedError(f"{type(self).__name__} must say its support")
-
-    def drawn(self, rng: np.random.Generator) -> Constant:
-        """A fixed number, drawn from it, to stand in its place."""
-        return Constant(value=self.sample(rng))
-
-    def __float__(self) -> float:
-        raise TypeError(f"{self!r} is not fixed; draw from it with `sample`")
-
-    def __index__(self) -> int:
-        value = float(self)
-        if not value.is_integer():
-            raise TypeError(f"{value} is not a whole number")
-        return int(value)
-
-
-class Constant(Distribution, frozen=True):
-    """A plain number."""
-
-    value: Number
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_number(cls, data: Any) -> Any:
-        return data if isinstance(data, Mapping) else {"value": data}
-
-    @model_serializer
-    def _to_number(self) -> float:
-        return self.value
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {"type": "number"}
-
-    def sample(self, rng: np.random.Generator) -> float:
-        """The number itself."""
-        return self.value
-
-    @property
-    def mean(self) -> float:
-        """The number itself."""
-        return self.value
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """The number itself, twice."""
-        return self.value, self.value
-
-    def __float__(self) -> float:
-        return self.value
 
 
 class Uniform(Distribution, frozen=True):
@@ -257,7 +190,7 @@ def _form(value: Any) -> str | None:
         return f"<{type(value).__name__.lower()}>"
     if not isinstance(value, Mapping):
         return "<constant>" if not isinstance(value, list | tuple) else None
-    forms = [form for form in ("uniform", "normal", "choice") if form in value]
+    forms = [form for form in ("uniform", "normal", "choice", "shared") if form in value]
     return f"<{forms[0]}>" if len(forms) == 1 else None
 
 
@@ -265,7 +198,8 @@ AnyDistribution = Annotated[
     Annotated[Constant, Tag("<constant>")]
     | Annotated[Uniform, Tag("<uniform>")]
     | Annotated[Normal, Tag("<normal>")]
-    | Annotated[Choice, Tag("<choice>")],
+    | Annotated[Choice, Tag("<choice>")]
+    | Annotated[Shared, Tag("<shared>")],
     Discriminator(
         _form, custom_error_type="distribution", custom_error_message="expected a number or a distribution"
     ),
@@ -303,6 +237,8 @@ class Bounds:
 
     def check(self, value: Distribution) -> Distribution:
         """The same distribution, a normal one truncated to the bounds; refuses what reaches beyond them."""
+        if isinstance(value, Shared) and value.number is None:
+            return value  # what it is of is wrong itself, and reported where it stands
         for where, number in _numbers(value):
             cut_there = where == ("normal", "low")  # as it is by default; no draw comes out at the cut itself
             excluded = self.above and number == self.low and not cut_there
@@ -310,7 +246,9 @@ class Bounds:
                 refuse(f"{number:g}{self._unit} is not {self._range}", *where)
             if self.whole and not number.is_integer():
                 refuse(f"expected a whole number, got {number:g}", *where)
-        if self.whole and not isinstance(value, Constant | Choice):
+        if self.whole and not isinstance(
+            value.number if isinstance(value, Shared) else value, Constant | Choice
+        ):
             refuse("expected a whole number or {choice: [...]} of whole numbers")
         if not isinstance(value, Normal):
             return value
@@ -342,6 +280,9 @@ def _numbers(value: Distribution) -> list[tuple[tuple[str | int, ...], float]]:
         case Normal(normal=limits):
             named = (("mean", limits.mean), ("low", limits.low), ("high", limits.high))
             return [(("normal", name), end) for name, end in named if end is not None]
+        case Shared():
+            values = [end for _, end in _numbers(value.known)]
+            return [((), value.of(end)) for end in values]
     raise NotImplementedError(f"{type(value).__name__} must say which of its numbers are bounded")
 
 
@@ -358,3 +299,24 @@ def draw(value: Any, rng: np.random.Generator) -> Any:
     if isinstance(value, Drawable):
         return value.drawn(rng)
     return with_parts(value, lambda _, part: draw(part, rng))
+
+
+def may_be_shared(value: Distribution) -> Distribution:
+    """The same number; refuses what cannot stand in `shared`, where no key says what is sane for it."""
+    if isinstance(value, Shared):
+        refuse("a shared number cannot name another one", "shared")
+    if not all(map(math.isfinite, value.support)):
+        refuse("give `low` and `high`, too: {normal: {mean: m, std: s, low: l, high: h}}", "normal")
+    return value
+
+
+def shared_in(data: Any) -> dict[str, Distribution | None]:
+    """The numbers in the section `shared` of a scenario file's data, by name; None for one that is wrong."""
+    section = data.get("shared") if isinstance(data, Mapping) else None
+    found = dict[str, Distribution | None]()
+    for name, value in section.items() if isinstance(section, Mapping) else ():
+        try:
+            found[str(name)] = may_be_shared(distribution(value))
+        except (ValidationError, PydanticCustomError):
+            found[str(name)] = None
+    return found

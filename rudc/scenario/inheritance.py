@@ -14,7 +14,9 @@ from typing import Any
 from rudc.scenario.dotted import Path
 from rudc.scenario.yaml_text import Mark, Sheet
 
-SECTIONS: frozenset[Path] = frozenset({(), ("ego",), ("traffic",), ("traffic", "idm"), ("episode",)})
+SECTIONS: frozenset[Path] = frozenset(
+    {(), ("ego",), ("traffic",), ("traffic", "idm"), ("shared",), ("episode",)}
+)
 """mappings that are merged rather than replaced"""
 OWN = ("name", "description", "out_of_distribution", "extends")
 """keys that are not inherited"""

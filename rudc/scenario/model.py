@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import yaml
@@ -21,25 +21,31 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
+    ModelWrapValidatorHandler,
     PrivateAttr,
     ValidationError,
     ValidatorFunctionWrapHandler,
     WrapValidator,
+    model_validator,
 )
 from pydantic_core import InitErrorDetails
 
 from rudc.errors import InputError, ScenarioError
 from rudc.hints import there_are
 from rudc.scenario.base import FileModel, Identifier, NonEmpty, checked_beside, detail, refuse
+from rudc.scenario.distributions import AnyDistribution, may_be_shared, shared_in
 from rudc.scenario.dotted import DottedKeyError, dotted, value_at, with_value
 from rudc.scenario.events import AnyEvent, Event
+from rudc.scenario.fixed import Constant, Distribution
 from rudc.scenario.networks import existing_network, is_network_path
 from rudc.scenario.plan import EpisodePlan
 from rudc.scenario.problems import describe
+from rudc.scenario.replacing import with_numbers
 from rudc.scenario.sections import Ego, Episode, Traffic
+from rudc.scenario.shared import Shared, sharing
 from rudc.scenario.yaml_text import YamlDumper
 
-_EGO, _TRAFFIC, _EPISODE, _WORLD, _FIRST_EVENT = 1, 2, 3, 4, 16
+_EGO, _TRAFFIC, _EPISODE, _WORLD, _SHARED, _FIRST_EVENT = 1, 2, 3, 4, 5, 16
 GRID_LIMIT = 10_000
 """points of a `sweep` beyond which it is taken for a mistake"""
 
@@ -177,12 +183,23 @@ class Scenario(FileModel, frozen=True):
     """the ego's task and start"""
     traffic: Traffic = Traffic()
     """surrounding vehicles"""
+    shared: dict[Identifier, Annotated[AnyDistribution, AfterValidator(may_be_shared)]] = Field(
+        default_factory=dict
+    )
+    """name -> number, drawn once an episode; {shared: NAME, times: 1, plus: 0} stands for it, wherever a
+    number does"""
     events: Annotated[tuple[AnyEvent, ...], WrapValidator(_checked)] = ()
     """what happens besides ordinary traffic"""
     episode: Episode = Episode()
     """when it ends by itself"""
     sweep: dict[str, tuple[Annotated[Scalar, BeforeValidator(_scalar)], ...]] = Field(default_factory=dict)
     """dotted key -> list of values; every combination is run"""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _sharing(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        with sharing(shared_in(data)):
+            return handler(data)
 
     _path: Path | None = PrivateAttr(default=None)
     _given: dict[str, Any] | None = PrivateAttr(default=None)
@@ -271,12 +288,16 @@ class Scenario(FileModel, frozen=True):
         def generator(section: int, attempt: int = attempt) -> np.random.Generator:
             return np.random.default_rng((seed, attempt, section))
 
-        def drawn_event(section: int, event: Event) -> Event | None:
+        def drawn_event(section: int, event: Event, at_first: Event) -> Event | None:
             rng = generator(section)
             event.happens(rng)  # so that the numbers, drawn after it, are the same for any probability
-            return event.drawn(rng) if event.happens(generator(section, attempt=0)) else None
+            return event.drawn(rng) if at_first.happens(generator(section, attempt=0)) else None
 
-        drawn = [drawn_event(_FIRST_EVENT + i, event) for i, event in enumerate(self.events)]
+        told, at_first = (self._told(generator(_SHARED, k)) for k in (attempt, 0))
+        drawn = [
+            drawn_event(_FIRST_EVENT + i, event, first)
+            for i, (event, first) in enumerate(zip(told.events, at_first.events, strict=True))
+        ]
         return EpisodePlan(
             scenario=self.name,
             network=self.network,
@@ -284,11 +305,22 @@ class Scenario(FileModel, frozen=True):
             seed=seed,
             attempt=attempt,
             world_seed=(seed, attempt, _WORLD),
-            ego=self.ego.plan(generator(_EGO)),
-            traffic=self.traffic.plan(generator(_TRAFFIC)),
+            ego=told.ego.plan(generator(_EGO)),
+            traffic=told.traffic.plan(generator(_TRAFFIC)),
             events=tuple(event for event in drawn if event is not None),
-            timeout_s=self.episode.timeout.sample(generator(_EPISODE)),
+            timeout_s=told.episode.timeout.sample(generator(_EPISODE)),
             event_numbers=tuple(k for k, event in enumerate(drawn, start=1) if event is not None),
             scripted=self.events,
             source=self,
         )
+
+    def _told(self, rng: np.random.Generator) -> Scenario:
+        """The same scenario, with the shared numbers drawn and told to those that name them."""
+        if not self.shared:
+            return self
+        values = {name: number.sample(rng) for name, number in self.shared.items()}
+
+        def told(_: str, number: Distribution) -> Distribution:
+            return Constant(value=number.of(values[number.shared])) if isinstance(number, Shared) else number
+
+        return with_numbers(self, told)

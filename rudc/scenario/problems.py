@@ -19,10 +19,11 @@ from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
 from rudc.scenario.dotted import Path
 from rudc.scenario.events.registry import EVENT_KINDS, tag_of
 from rudc.scenario.selectors import ByArm
+from rudc.scenario.shared import Shared
 from rudc.scenario.units import unit_of
 
 _FORMS: dict[str, type[FileModel]] = {
-    f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)
+    f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice, Shared)
 }
 _FORMS |= {"<words>": WordChoice, "<by arm>": ByArm}
 _PAIR = {"mean": 0, "std": 1}
@@ -97,7 +98,7 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
         case "event_kind":
             return _not_an_event(path, value)
         case "model_type" | "model_attributes_type" | "dict_type":
-            keys = ", ".join(_keys(_model_at(loc, model)))
+            keys = ", ".join(_keys(_model_at(loc, model))) if kind != "dict_type" else ""
             return Problem(path, f"expected a mapping{f' (keys: {keys})' if keys else ''}, got {got(value)}")
         case "list_type" | "tuple_type" if path[:1] == ("sweep",) and isinstance(value, Mapping):
             key = f"{path[-1]}.{next(iter(value), 'KEY')}"
@@ -159,6 +160,8 @@ def _unknown(detail: ErrorDetails, model: type[FileModel]) -> str:
     key, known = detail["loc"][-1], _known(detail, model)
     if key == "<<":
         return "YAML's merge key is not understood here; use `extends`"
+    if key == "weights" and known == ["choice"]:
+        return "stands within `choice`: {choice: {values: [...], weights: [...]}}"
     section = _section_of(key, model)
     meant = did_you_mean(key, known) or (f" (did you mean '{section}.{key}'?)" if section else "")
     return "unknown key" + (meant or f"; known here: {', '.join(known)}")
@@ -172,7 +175,7 @@ def _section_of(key: str | int, model: type[FileModel]) -> str | None:
 
 
 def _not_a_distribution(path: Path, value: Any, number: str) -> Problem:
-    forms = ("uniform", "normal", "choice")
+    forms = ("uniform", "normal", "choice", "shared")
     if isinstance(value, Mapping) and len(value) == 1 and (near := did_you_mean(next(iter(value)), forms)):
         return Problem((*path, next(iter(value))), f"unknown distribution{near}", on_key=True)
     given = [form for form in forms if isinstance(value, Mapping) and form in value]

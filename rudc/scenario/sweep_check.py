@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rudc.scenario.dotted import DottedKeyError, Path, dotted, value_text, with_value
+from rudc.scenario.base import parts_of
+from rudc.scenario.dotted import DottedKeyError, Path, dotted, value_at, value_text, with_value
 from rudc.scenario.model import GRID_LIMIT, Scenario
 from rudc.scenario.problems import FIXED, Problem, describe
 from rudc.scenario.yaml_text import Report, Sheet
@@ -43,22 +44,33 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
     if size > GRID_LIMIT:
         reports.append(sheet.report(("sweep",), f"has {size} combinations; {GRID_LIMIT} at most are allowed"))
         return reports
-    for keys in _by_part(sweep):
-        part = {name: base[name] for name in ("name", keys[0].split(".")[0]) if name in base}
+    for keys in _by_part(sweep, base):
+        tops = {"name", "shared", *(key.split(".")[0] for key in keys)}
+        part = base if keys[0].startswith("shared.") else {name: base[name] for name in base if name in tops}
         for choice in itertools.product(*(range(len(sweep[key])) for key in keys)):
             reports += _point_reports(sheet, part, sweep, dict(zip(keys, choice, strict=True)), known)
     return list(dict.fromkeys(reports))
 
 
-def _by_part(sweep: dict[str, list[Any]]) -> list[list[str]]:
+def _by_part(sweep: dict[str, list[Any]], base: dict[str, Any]) -> list[list[str]]:
     """Swept keys of the same part of a file together: no rule is about two parts, so that the values in one
-    need not be tried with all of those in another.
+    need not be tried with all of those in another. Parts that name a shared number go with `shared`, whose
+    keys come first.
     """
     parts: dict[tuple[str, ...], list[str]] = {}
-    for key in sweep:
+    for key in sorted(sweep, key=lambda key: not key.startswith("shared.")):
         top, *rest = key.split(".")
-        parts.setdefault((top, *rest[:1]) if top == "events" else (top,), []).append(key)
+        part = (top, *rest[:1]) if top == "events" else (top,)
+        if ("shared",) in parts and _names_shared(value_at(base, ".".join(part))):
+            part = ("shared",)
+        parts.setdefault(part, []).append(key)
     return list(parts.values())
+
+
+def _names_shared(value: Any) -> bool:
+    """Whether a shared number is named within a part of a file."""
+    within = isinstance(value, dict) and "shared" in value
+    return within or any(_names_shared(part) for _, part in parts_of(value))
 
 
 def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any]) -> list[Report]:

@@ -10,10 +10,10 @@ from scipy.special import ndtr
 
 from rudc.arrays import Array
 from rudc.errors import InputError
-from rudc.scenario.base import parts_of, with_parts
+from rudc.scenario.base import parts_of
 from rudc.scenario.distributions import Constant, Distribution, Normal, Uniform
 from rudc.scenario.model import Scenario
-from rudc.scenario.triggers import Threshold
+from rudc.scenario.replacing import with_numbers
 
 Searched = Uniform | Normal
 
@@ -35,7 +35,9 @@ class Space:
         """The scenario with the values of one point. What is drawn may break a rule between two numbers
         (`above` and `below` of a trigger), as in any other episode.
         """
-        found = _with_values(scenario, values, "")
+        found = with_numbers(
+            scenario, lambda key, number: Constant(value=values[key]) if key in values else number
+        )
         vars(found).pop("digest", None)  # cached, and of the scenario given
         return found
 
@@ -74,14 +76,6 @@ def _declared(value: Any, key: str) -> Iterator[tuple[str, Distribution]]:
         return
     for name, part in parts_of(value):
         yield from _declared(part, f"{key}.{name}".lstrip("."))
-
-
-def _with_values(value: Any, values: Mapping[str, float], key: str) -> Any:
-    """The same, fixed numbers in the place of distributions with these dotted keys."""
-    if isinstance(value, Distribution):
-        return Constant(value=values[key]) if key in values else value
-    found = with_parts(value, lambda name, part: _with_values(part, values, f"{key}.{name}".lstrip(".")))
-    return found.as_drawn() if isinstance(found, Threshold) else found
 
 
 def _distributions_left(value: Any) -> Iterator[Distribution]:

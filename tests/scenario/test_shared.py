@@ -1,0 +1,136 @@
+"""`shared`: numbers that are drawn once an episode and stand in several places."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rudc.evaluation.search.space import space_of
+from rudc.scenario import load_scenario
+from tests.scenario.test_errors import check, problems
+from tests.scenario.test_json_schema import SCHEMA, valid
+from tests.scenario.test_plan import scenario
+
+__all__ = ["problems"]
+
+SECOND = {"shared": "gap", "times": 2, "plus": -3}
+EVENTS = [
+    {"kind": "lane_closure", "lane": "north_out_0", "at": {"shared": "gap"}, "length": 4},
+    {"kind": "lane_closure", "lane": "north_out_1", "at": SECOND, "length": 4},
+    {"kind": "hard_brake", "deceleration": {"shared": "hard"}, "when": {"probability": {"shared": "chance"}}},
+]
+SHARED = {"gap": {"uniform": [12, 20]}, "hard": {"choice": [4, 6]}, "chance": {"uniform": [0, 1]}}
+GIVEN = {"shared": SHARED, "events": EVENTS, "traffic": {"density": {"shared": "gap", "plus": 1}}}
+
+
+def test_one_draw_stands_in_all_places():
+    read = scenario(**GIVEN)
+    gaps = []
+    for seed in range(20):
+        plan = read.plan(seed)
+        gap = float(plan.events[0].at)
+        assert float(plan.events[1].at) == pytest.approx(2 * gap - 3)
+        assert plan.traffic.density == pytest.approx(gap + 1)
+        gaps.append(gap)
+    assert len(set(gaps)) == 20
+    assert 12 <= min(gaps) < 14 < 18 < max(gaps) <= 20
+
+
+def test_the_same_seed_draws_the_same_and_other_draws_are_what_they_were():
+    read = scenario(**GIVEN)
+    assert read.plan(3) == read.plan(3)
+    assert read.plan(3) != read.plan(3, attempt=1)
+    without = scenario(events=[{**EVENTS[0], "at": 15}])
+    shared = scenario(events=[EVENTS[0]], shared={"gap": 15})
+    assert shared.plan(5).ego == without.plan(5).ego
+    assert float(shared.plan(5).events[0].at) == 15.0
+    assert shared.digest != without.digest
+
+
+def test_whether_an_event_happens_does_not_depend_on_the_attempt():
+    read = scenario(**GIVEN)
+    happens = [[2 in (n - 1 for n in read.plan(s, a).event_numbers) for a in range(5)] for s in range(40)]
+    assert all(len(set(attempts)) == 1 for attempts in happens)
+    assert 8 < sum(attempts[0] for attempts in happens) < 32
+
+
+def test_it_is_written_as_it_was_read():
+    read = scenario(**GIVEN)
+    assert read.data()["shared"]["gap"] == {"uniform": [12.0, 20.0]}
+    assert read.data()["shared"]["hard"] == {"choice": {"values": [4.0, 6.0]}}
+    assert read.data()["events"][0]["at"] == {"shared": "gap"}
+    assert read.data()["events"][1]["at"] == {"shared": "gap", "times": 2.0, "plus": -3.0}
+    again = scenario(**json.loads(json.dumps(read.data())))
+    assert again == read
+    assert again.plan(4) == read.plan(4)
+    assert "shared" not in scenario().data()
+    assert valid({"name": "a", **GIVEN}, SCHEMA)
+    assert not valid({"name": "a", "traffic": {"density": {"shared": "gap", "pluss": 1}}}, SCHEMA)
+
+
+def test_it_may_be_swept_and_varied():
+    read = scenario(**GIVEN, sweep={"shared.gap": [13, 14]})
+    assert [float(one.plan(0).events[1].at) for _, one in read.grid()] == [23.0, 25.0]
+    assert float(scenario(**GIVEN).varied({"events.0.at": 7}).plan(0).events[0].at) == 7.0
+
+
+def test_who_extends_gives_one_of_them_anew(tmp_path):
+    (tmp_path / "parent.yaml").write_text(json.dumps({"name": "parent", **GIVEN}))
+    (tmp_path / "child.yaml").write_text(
+        json.dumps({"name": "child", "extends": "parent", "shared": {"gap": 13}})
+    )
+    child = load_scenario(str(tmp_path / "child.yaml"))
+    assert float(child.plan(0).events[1].at) == 23.0
+    assert set(child.shared) == {"gap", "hard", "chance"}
+
+
+def test_a_search_varies_the_shared_number_itself():
+    read = scenario(**{**GIVEN, "traffic": {}})
+    space = space_of(read, {})
+    assert "shared.gap" in space.axes
+    assert not any(key.startswith("events") for key in space.axes)
+    values = space.values(np.zeros(len(space.axes)))
+    assert values["shared.gap"] == pytest.approx(16.0)
+    plan = space.fixed(read, values).plan(1)
+    assert float(plan.events[0].at) == pytest.approx(16.0)
+    assert float(plan.events[1].at) == pytest.approx(29.0)
+
+
+def test_what_is_wrong_is_said_at_its_place(problems):
+    found = problems("""
+        name: wrong
+        shared:
+          gap: {uniform: [12, 20]}
+          open: {normal: [3, 1]}
+          other: {shared: gap}
+          odd: {unifrm: [1, 2]}
+        events:
+          - {kind: lane_closure, lane: north_out_0, at: {shared: gop}, length: {shared: gap, pluss: 3}}
+          - {kind: lane_closure, lane: north_out_1, at: {shared: gap, times: -1}, length: {shared: open}}
+          - {kind: hard_brake, deceleration: {shared: odd}, when: {speed: {above: {sharde: gap}}}}
+          - {kind: pedestrian_crossing, arm: north, count: {shared: gap}}
+        """)
+    check(
+        found,
+        "4:18: shared.open.normal: give `low` and `high`, too: {normal: {mean: m, std: s, low: l, high: h}}",
+        "5:19: shared.other.shared: a shared number cannot name another one",
+        "6:9: shared.odd.unifrm: unknown distribution (did you mean 'uniform'?)",
+        "8:58: events.0.at.shared: no shared number is called 'gop' (did you mean 'gap'?); there are: gap, "
+        "open, other, odd",
+        "8:86: events.0.length.pluss: unknown key (did you mean 'plus'?)",
+        "9:49: events.1.at: -12 m is not between 0 and 1000 m",
+        "10:76: events.2.when.speed.above.sharde: unknown distribution (did you mean 'shared'?)",
+        "11:52: events.3.count: expected a whole number or {choice: [...]} of whole numbers",
+    )
+
+
+def test_without_the_section_no_number_is_shared(problems):
+    found = problems("""
+        name: wrong
+        traffic: {density: {shared: gap}}
+        """)
+    check(
+        found,
+        "2:29: traffic.density.shared: no shared number is called 'gap'; the scenario has no section "
+        "`shared`",
+    )
