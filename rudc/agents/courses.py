@@ -92,6 +92,8 @@ wrong way
 """
 ASIDE = 1.0
 """m, gap to the way of somebody who comes the wrong way that the ego keeps while it lets that vehicle pass"""
+JUST_IN = 1.0
+"""m: an ego that creeps, and whose front is on others' ground by less than this, still gives way there"""
 AT_LINE = 0.3
 """m, kept before the place where the ego has to stop"""
 STEEPEST = 0.6
@@ -373,7 +375,8 @@ def _entry(scene: Scene, route: Route, profile: Array) -> float:
     if found is None:
         return math.inf
     least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
-    rooms = found.ego_in[~suffices(scene, found, profile) & (found.ego_in > least)]
+    begun = JUST_IN if scene.ego.v < CREEPS else 0.0
+    rooms = found.ego_in[~suffices(scene, found, profile) & (found.ego_in > least - begun)]
     if not len(rooms):
         return math.inf
     room, front = float(rooms.min()), scene.front_s
