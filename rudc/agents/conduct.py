@@ -22,7 +22,7 @@ from rudc.arrays import Array, Flags
 from rudc.env.remembered import Remembered
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
-from rudc.scenario.events.low_friction import LEAST
+from rudc.scenario.events.checked_stage import LEAST
 from rudc.world.bends import curvatures, limits_in_bends
 from rudc.world.ego import GRAVITY
 from rudc.world.scene import STANDING, Kind, Scene

@@ -21,6 +21,9 @@ from rudc.scenario.model import Scenario
 from rudc.scenario.triggers import Conditions, OrName, Trigger
 from rudc.scenario.units import bounds_of, may_be_chosen, unit_of
 
+_PLAIN = {int: "whole number", float: "number"}
+"""what a value of a plain type is, in an event of one's own"""
+
 
 @dataclass(frozen=True)
 class Key:
@@ -152,7 +155,7 @@ def _type(field: FieldInfo) -> str:
         return " | ".join(words) + chosen
     if _is_dict(field.annotation):
         return "mapping"
-    return "text" + chosen
+    return _PLAIN.get(field.annotation, "text") + chosen
 
 
 def _range(bounds: Bounds) -> str:

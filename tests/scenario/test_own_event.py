@@ -78,7 +78,11 @@ from rudc.scenario.events.event import Event
 class Glaze(Event, frozen=True):
     kind: Literal["glaze"]
 
-register_event(Glaze, Felt)
+class GlazeEffect(Felt[Glaze]):
+    def begin(self, stage):
+        return True
+
+register_event(Glaze, GlazeEffect)
 """
 
 

@@ -10,6 +10,7 @@ from rudc.scenario import load_scenario
 from tests.scenario.test_errors import check, problems
 from tests.scenario.test_json_schema import SCHEMA, valid
 from tests.scenario.test_plan import scenario
+from tests.scenario.test_sweep import problems as swept_problems
 
 __all__ = ["problems"]
 
@@ -134,3 +135,26 @@ def test_without_the_section_no_number_is_shared(problems):
         "2:29: traffic.density.shared: no shared number is called 'gap'; the scenario has no section "
         "`shared`",
     )
+
+
+def test_shared_numbers_are_checked_with_all_who_name_them(tmp_path):
+    found = swept_problems(
+        tmp_path,
+        """
+        name: shared
+        shared: {gap: 12}
+        traffic: {density: {shared: gap, times: 0.1}}
+        events:
+          - {kind: lane_closure, lane: north_out_0, at: {shared: gap, plus: 3}, length: 4}
+        sweep:
+          shared.gap: [10, 999]
+          events.0.at.plus: [0, 5]
+          events.0.length: [4, 1000]
+          ego.speed: [5, 200]
+        """,
+    )
+    assert [line.split(": ", 2)[1:] for line in found] == [
+        ["sweep.events.0.at.plus.1", "events.0.at: 1004 m is not between 0 and 1000 m"],
+        ["sweep.events.0.length.1", "1000 m is not above 0 and at most 500 m"],
+        ["sweep.ego.speed.1", "200 m/s is not between 0 and 40 m/s"],
+    ]

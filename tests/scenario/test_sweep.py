@@ -333,29 +333,6 @@ def test_no_rule_is_about_two_parts_of_a_file():
     assert set(Scenario.__pydantic_decorators__.model_validators) == {"_every_problem", "_sharing"}
 
 
-def test_shared_numbers_are_checked_with_all_who_name_them(tmp_path):
-    found = problems(
-        tmp_path,
-        """
-        name: shared
-        shared: {gap: 12}
-        traffic: {density: {shared: gap, times: 0.1}}
-        events:
-          - {kind: lane_closure, lane: north_out_0, at: {shared: gap, plus: 3}, length: 4}
-        sweep:
-          shared.gap: [10, 999]
-          events.0.at.plus: [0, 5]
-          events.0.length: [4, 1000]
-          ego.speed: [5, 200]
-        """,
-    )
-    assert [line.split(": ", 2)[1:] for line in found] == [
-        ["sweep.events.0.at.plus.1", "events.0.at: 1004 m is not between 0 and 1000 m"],
-        ["sweep.events.0.length.1", "1000 m is not above 0 and at most 500 m"],
-        ["sweep.ego.speed.1", "200 m/s is not between 0 and 40 m/s"],
-    ]
-
-
 def test_of_many_combinations_a_network_is_asked_about_some(tmp_path):
     asked = []
     (tmp_path / "s.yaml").write_text(

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds
+from rudc.scenario.events.checked_stage import LEAST, MOST
 from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
-
-LEAST, MOST = 0.03, 1.2
-"""least and largest coefficient of friction that a scenario may have"""
 
 
 class LowFriction(Event, frozen=True):

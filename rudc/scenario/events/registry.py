@@ -8,18 +8,21 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args
 
+import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.errors import InputError
-from rudc.imports import ask_own, import_first_elsewhere, import_offered, is_own
+from rudc.imports import ask_own, import_first_elsewhere, import_offered, is_own, refused, shortened
 from rudc.scenario.base import again
+from rudc.scenario.events.checked_stage import checked
 from rudc.scenario.events.event import Effect, Event
 from rudc.scenario.events.stage import Stage
+from rudc.scenario.units import bounds_of
 
 PLUGINS = "rudc.events"
 """group of entry points by which an installed package names a module that registers events"""
-_NOT_KINDS = {"event", "registry", "stage"}
+_NOT_KINDS = {"checked_stage", "event", "registry", "stage"}
 
 
 class _Entry(NamedTuple):
@@ -33,9 +36,11 @@ _REGISTERED: dict[str, _Entry] = {}
 def register_event(model: type[Event], effect: type[Effect[Any]]) -> None:
     """Make a kind of event known: `model` is what a scenario file says of it, `effect` what it does.
 
-    The kind is what the model's `kind: Literal["..."]` says. Raises InputError where that is missing, or
-    where another model has the kind already.
+    The kind is what the model's `kind: Literal["..."]` says. Raises InputError where that is missing, where
+    another model has the kind already, where the effect lacks a method, and where a number's default is not a
+    distribution.
     """
+    _check_parts(model, effect)
     kinds = get_args(model.model_fields["kind"].annotation)
     if len(kinds) != 1 or not isinstance(kinds[0], str):
         raise InputError(f'{model.__name__} must say its kind, as in `kind: Literal["my_event"]`')
@@ -48,6 +53,21 @@ def register_event(model: type[Event], effect: type[Effect[Any]]) -> None:
     _REGISTERED[kinds[0]] = _Entry(model, effect)
 
 
+def _check_parts(model: type[Event], effect: type[Effect[Any]]) -> None:
+    """Raises InputError unless these are a model and an effect that can be used."""
+    if not (issubclass(model, Event) and issubclass(effect, Effect)):
+        raise InputError(
+            "register_event takes a model and its effect, a subclass of Event and one of Effect; got "
+            f"{model.__name__} and {effect.__name__}"
+        )
+    if lacking := sorted(effect.__abstractmethods__):
+        raise InputError(f"{effect.__name__} has no {lacking[0]}(stage)")
+    for name, field in model.model_fields.items():
+        if bounds_of(field) and isinstance(field.default, int | float):
+            default = f"Constant(value={field.default})"
+            raise InputError(f"{model.__name__}.{name}: a default is written {default}, not {field.default}")
+
+
 def effect_of(event: Event, name: str) -> Effect[Any]:
     """The effect that plays an event, under a name of its own."""
     _discover()
@@ -55,11 +75,16 @@ def effect_of(event: Event, name: str) -> Effect[Any]:
 
 
 def ask_effect(effect: Effect[Any], method: str, stage: Stage, time_s: float | None = None) -> Any:
-    """What a method of the effect answers. Raises PartFailedError where one that is not RUDC's fails."""
+    """What a method of the effect answers. Raises PartFailedError where one that is not RUDC's fails, gives
+    the stage a number that no file could, or answers neither True nor False where it should."""
     call = getattr(effect, method)
     if not is_own(effect):
         return call(stage)
-    return ask_own(f"event {effect.name}", time_s, method, lambda: call(stage))
+    who = f"event {effect.name}"
+    answer = ask_own(who, time_s, method, lambda: call(checked(stage)))
+    if method in ("begin", "is_over") and not isinstance(answer, bool | np.bool_):
+        raise refused(who, time_s, method, shortened(answer), "True or False")
+    return answer
 
 
 class EventKinds(Mapping[str, type[Event]]):

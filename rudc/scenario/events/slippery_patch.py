@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from rudc.scenario.choices import Place
 from rudc.scenario.distributions import AnyDistribution, Bounds
+from rudc.scenario.events.checked_stage import LEAST, MOST
 from rudc.scenario.events.event import Duration, Effect, Event
-from rudc.scenario.events.low_friction import LEAST, MOST
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Metre
