@@ -35,8 +35,10 @@ def of_kind(value: Any, registered: Kinds[M], base: type[M]) -> M:
     if isinstance(value, base):
         return value
     given = {"kind": value} if isinstance(value, str) else value
-    if not isinstance(given, Mapping) or "kind" not in given:
+    if not isinstance(given, Mapping):
         raise ValueError(f"expected one of {', '.join(registered)}, or a mapping with `kind`")
+    if "kind" not in given:
+        raise ValueError(f"the mapping has no `kind`; it is one of {', '.join(registered)}")
     kind = given["kind"]
     if not isinstance(kind, str):
         raise ValueError(f"`kind` is a name, one of {', '.join(registered)}")

@@ -18,7 +18,7 @@ from rudc.safety.corrected import Corrected
 from rudc.world.scene import Scene
 
 
-class SafetyFilterWrapper(gymnasium.Wrapper):
+class SafetyFilterWrapper(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs):
     """Corrects actions before `rudc/Intersection-v0` applies them.
 
     ```python
@@ -40,7 +40,8 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         if the correction corrects nothing, if it needs a learnt agent, or if it is a filter for actions
         that are held for another time than the environment's.
         """
-        super().__init__(env)
+        gymnasium.utils.RecordConstructorArgs.__init__(self, correction=correction)
+        gymnasium.Wrapper.__init__(self, env)
         settings = read_correction(correction)
         if not isinstance(self.unwrapped, IntersectionEnv):
             raise InputError("SafetyFilterWrapper stands around rudc/Intersection-v0 only")

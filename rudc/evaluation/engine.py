@@ -18,12 +18,14 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import signal
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 
 from rudc.errors import SimulationError
 from rudc.evaluation.memory import return_large_blocks
@@ -194,7 +196,7 @@ class _Pool:
         if not worker.ready:
             self._failed_starts += 1
             if self._failed_starts >= START_FAILURES:
-                raise SimulationError(f"workers cannot start: {reason}")
+                raise SimulationError(f"workers cannot start: {reason}{_guard()}")
         self._workers[self._workers.index(worker)] = self._start()
         task = worker.task
         if task is None:
@@ -255,3 +257,14 @@ def _cause(exit_code: int | None) -> str:
         hint = " (out of memory?)" if name == "SIGKILL" else ""
         return f"it was ended by {name}{hint}"
     return f"it ended with exit code {exit_code}"
+
+
+def _guard() -> str:
+    """What a script that has no main guard is told: each worker imports it first."""
+    main = sys.modules["__main__"]
+    if getattr(main, "__spec__", None) is not None or not getattr(main, "__file__", None):
+        return ""
+    return (
+        f"; each imports {Path(str(main.__file__)).name} first: what it prints stands above. A script calls "
+        "run_sweep under `if __name__ == '__main__':`"
+    )

@@ -133,7 +133,9 @@ class _Part(NamedTuple):
 def group_metrics(
     rows: Sequence[Row] | SweepRows, by: Sequence[str], metrics: Sequence[Metric] = (*METRICS, DECISION_MS)
 ) -> list[Group]:
-    """The metrics of the rows grouped by columns, groups in order of first appearance."""
+    """The metrics of the rows grouped by columns, groups in order of first appearance. Rows: of `read_sweep`,
+    or `pandas.read_csv(DIR / "episodes.csv").to_dict("records")`.
+    """
     tally = Tally(by, metrics)
     for block in rows.blocks() if isinstance(rows, SweepRows) else [by_column(rows, tally.needs)]:
         tally.add(block)

@@ -42,8 +42,14 @@ class SweepRows:
 
 
 def by_column(rows: Sequence[Row], names: Iterable[str]) -> Columns:
-    """Some columns of rows."""
-    return {name: [row[name] for row in rows] for name in names}
+    """Some columns of rows. Cells may be texts, as in a sweep's rows, or what pandas makes of them: numbers,
+    with nan where a cell is empty.
+    """
+    return {name: [_text(row[name]) for row in rows] for name in names}
+
+
+def _text(cell: object) -> str:
+    return "" if cell != cell else str(cell)
 
 
 def by_row(blocks: Iterable[Columns]) -> list[dict[str, str]]:

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from stable_baselines3 import SAC
 
 import rudc
@@ -34,6 +35,17 @@ def test_corrects_what_is_proposed_and_says_so():
         env.close()
 
 
+@pytest.mark.filterwarnings("ignore:.*different from the unwrapped version:UserWarning")
+def test_gymnasium_finds_no_fault_with_it():
+    env = _made({"kind": "cbf", "rule": "ttcbf"}, observation="conflict")
+    try:
+        check_env(env, skip_render_check=True)
+        assert env.spec is not None
+        assert env.spec.additional_wrappers[-1].kwargs == {"correction": {"kind": "cbf", "rule": "ttcbf"}}
+    finally:
+        env.close()
+
+
 def test_trains_with_stable_baselines():
     env = _made({"kind": "cbf", "rule": "ecbf", "residual": True}, observation="conflict")
     try:
@@ -51,6 +63,7 @@ def test_trains_with_stable_baselines():
         ("none", "corrects nothing"),
         ("cfb", "did you mean 'cbf'"),
         ({"kind": "cbf", "slack": {"gain": 1}}, "asks the critics for sigma"),
+        ({"d_safe": 1.0}, "the mapping has no `kind`; it is one of none, cbf"),
     ],
 )
 def test_what_cannot_be_is_refused(correction, said):

@@ -64,6 +64,29 @@ def test_an_episode_that_kills_twice_is_recorded_with_its_error(fakes, make_plan
     assert cause in records["sumo", 1].error
 
 
+UNGUARDED = """
+from pathlib import Path
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.scenario import find_scenarios
+
+plan = SweepPlan(tuple(find_scenarios(["fog"])), ("follower",), episodes=1, seed=0)
+run_sweep(plan, Path("out"), EpisodeRunner, workers=1)
+"""
+
+
+def test_a_script_without_a_main_guard_is_told(tmp_path):
+    (tmp_path / "mine.py").write_text(UNGUARDED, encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "mine.py"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert run.returncode == 1
+    last = run.stderr.strip().splitlines()[-1]
+    assert "workers cannot start: it ended with exit code 1; each imports mine.py first" in last
+    assert last.endswith("A script calls run_sweep under `if __name__ == '__main__':`")
+
+
 def test_an_episode_that_hangs_is_given_up(fakes, make_plan, tmp_path):
     tasks = make_plan(agents=("sumo",), episodes=3).tasks()
     records, _ = collect(tasks, partial(fakes.Troubled, "hang", tmp_path), limit_s=1.0)

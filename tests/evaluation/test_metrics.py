@@ -141,3 +141,15 @@ def test_what_no_cell_can_say_is_refused_by_the_columns_name(value, average, say
 def test_numpys_numbers_and_texts_with_commas_are_cells(value, cell):
     found = Column("mine", "of mine", lambda _: value).value(None)
     assert (found, type(found)) == (cell, type(cell))
+
+
+def test_rows_may_be_what_pandas_makes_of_the_file():
+    rows = [row(agent="planner", min_dtc_m=1.5), row("collision"), failed()]
+    numbers = {"steps", "min_dtc_m", "decision_ms_mean", "route_completion"}
+    read = [
+        {name: math.nan if not cell else float(cell) if name in numbers else cell for name, cell in r.items()}
+        for r in rows
+    ]
+    first, second = (group_metrics(given, ("agent",)) for given in (rows, read))
+    assert [(g.key, g.episodes, g.errors) for g in second] == [(("planner",), 1, 0), (("sumo",), 1, 1)]
+    assert repr(second) == repr(first)

@@ -272,7 +272,7 @@ def test_nothing_in_a_preset_is_lost_without_a_word(tmp_path):
     found = TrainConfig.of("rudc-t", {}, str(path))
     assert found.correction.model_dump()["d_safe"] == 0.1
     assert found.learner.learns_from == "proposed"
-    with pytest.raises(InputError, match="or a mapping with `kind`"):
+    with pytest.raises(InputError, match="the mapping has no `kind`"):
         TrainConfig.of("sac", {}, str(path))
     path.write_text("learner: {bacth_size: 64}\n")
     with pytest.raises(
