@@ -303,7 +303,8 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
         arms = {arm for name in possible(event.arm) for arm in of_ego.get(name, {name})}
         way = max(float(np.hypot(*np.diff(across_arm(network, None, arm, at), axis=0)[0])) for arm in arms)
         if isinstance(event, VehicleCrossing):
-            length = max(size_of(kind)[0] for kind in possible(event.type))
+            size = event.size
+            length = size[0].support[1] if size else max(size_of(kind)[0] for kind in possible(event.type))
             way += 0.5 * length + beyond_way(length)
         if after >= way:
             yield (

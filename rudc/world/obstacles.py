@@ -23,7 +23,7 @@ from rudc.scenario.distributions import Constant
 from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.events import Event, effect_of
 from rudc.scenario.events.registry import ask_effect
-from rudc.scenario.events.stage import Body, Halt, XYHeading
+from rudc.scenario.events.stage import Body, Halt, Size, XYHeading
 from rudc.scenario.poses import Pose
 from rudc.scenario.problems import Problem
 from rudc.scenario.selectors import Selector
@@ -58,7 +58,7 @@ class _Site(NetworkStage):
         self.network, self.route = network, route
         self.unlawful = set()
         self.found: list[Standing] = []
-        self.hiding: list[tuple[XYHeading, tuple[float, float]]] = []
+        self.hiding: list[tuple[XYHeading, Size]] = []
         """place and size (m) of the boxes that hide what is behind them"""
 
     @property
@@ -76,17 +76,16 @@ class _Site(NetworkStage):
     def set_density(self, density: float | None, event: str = "") -> None: ...
 
     def stand(
-        self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None,
-        *, for_now: bool = False,
-    ) -> None:  # fmt: skip
+        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_now: bool = False
+    ) -> None:
         self.found.append(Standing(name, body, place, size or size_of(body)))
 
     def is_free(
-        self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
+        self, body: Body, place: XYHeading, size: Size | None = None, *, for_ego: bool = False
     ) -> bool:
         return True
 
-    def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+    def is_taken_for_now(self, body: Body, place: XYHeading, size: Size | None = None) -> bool:
         return False
 
     def choose(self, selector: Selector) -> list[str]:
@@ -112,11 +111,13 @@ class _Site(NetworkStage):
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None: ...
 
     def send(
-        self, name: str, body: Body, way: Array, speed: float,
-        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None, halt: Halt | None = None,
+        self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0,
+        behind: Array | None = None, halt: Halt | None = None, size: Size | None = None,
     ) -> None: ...  # fmt: skip
 
-    def has_room(self, body: Body, way: Array, speed: float, late_m: float = 0.0) -> bool:
+    def has_room(
+        self, body: Body, way: Array, speed: float, late_m: float = 0.0, size: Size | None = None
+    ) -> bool:
         return True
 
     def things_of(self, event: str) -> frozenset[str]:
@@ -124,7 +125,7 @@ class _Site(NetworkStage):
 
     def remove_things(self, event: str) -> None: ...
 
-    def hide_behind(self, event: str, place: XYHeading, size: tuple[float, float]) -> None:
+    def hide_behind(self, event: str, place: XYHeading, size: Size) -> None:
         self.hiding.append((place, size))
 
     def hide_behind_things(self, event: str) -> None: ...

@@ -139,6 +139,24 @@ def test_vehicles_cross_the_arm_one_behind_the_other(world, kind, size):
     assert gap == pytest.approx(1.2 + VEHICLE_TYPES[kind].length / 5.0, abs=0.05)
 
 
+def test_what_crosses_may_be_of_another_size(world):
+    """A hospital bed, which the file calls a bicycle."""
+    crossing = event("vehicle_crossing", arm="north", at=6, speed=2, count=2, size=[2.2, 1.1])
+    scene = world.reset(replace(EMPTY, origin="south", turn="right", events=(crossing,)).plan(0))
+    first, both = None, []
+    while scene.time_s < 12:
+        assert all(size == (2.2, 1.1) for size in map(tuple, scene.size.tolist()))
+        if scene.count and first is None:
+            first = scene.position[:1].copy()
+        if scene.count == 2:
+            both.append(float(np.hypot(*np.diff(scene.position, axis=0)[0])))
+        world.advance(STAND)
+        scene = world.scene()
+    assert both[len(both) // 2] == pytest.approx(2.2 + 1.2 * 2.0, abs=0.05)
+    edge = -world.network.surface.signed_distance(first)[0]
+    assert edge == pytest.approx(1.5 + 0.5 * 2.2, abs=0.25), "its front begins at the roadside"
+
+
 @pytest.mark.parametrize("kind", ["bicycle", "car", "bus"])
 def test_who_crosses_is_there_until_no_part_of_it_is_on_the_road(world, kind):
     """A bus was gone as soon as its centre was off the road."""

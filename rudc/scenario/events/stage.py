@@ -19,7 +19,9 @@ XYHeading = tuple[float, float, float]
 ROADSIDE_M = 1.5
 """m beyond the road's edge where the way across an arm begins and ends"""
 Body = VehicleType | Literal["pedestrian", "obstacle"]
-Thing = tuple[Body, XYHeading, tuple[float, float] | None]
+Size = tuple[float, float]
+"""m and m, length and width"""
+Thing = tuple[Body, XYHeading, Size | None]
 """what stands where; length and width in m of an obstacle, else None"""
 
 
@@ -156,9 +158,8 @@ class Stage(ABC):
 
     @abstractmethod
     def stand(
-        self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None,
-        *, for_now: bool = False,
-    ) -> None:  # fmt: skip
+        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_now: bool = False
+    ) -> None:
         """Put something that stands on the road, called `EVENT:...`.
 
         `size`: length and width in m of an obstacle. `for_now`: whether it will be taken away, so that what
@@ -167,13 +168,13 @@ class Stage(ABC):
 
     @abstractmethod
     def is_free(
-        self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
+        self, body: Body, place: XYHeading, size: Size | None = None, *, for_ego: bool = False
     ) -> bool:
         """Whether nobody who drives or walks is where something would stand, or would come there even braking
         hard. The ego counts only with `for_ego`. `size` as in `stand`."""
 
     @abstractmethod
-    def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+    def is_taken_for_now(self, body: Body, place: XYHeading, size: Size | None = None) -> bool:
         """Whether something stands in a place now that will be taken away. `size` as in `stand`."""
 
     @abstractmethod
@@ -187,16 +188,25 @@ class Stage(ABC):
         beyond_m: float = 0.0,
         behind: NDArray[np.float64] | None = None,
         halt: Halt | None = None,
+        size: Size | None = None,
     ) -> None:
         """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s.
 
         It starts `late_m` m before the way's begin, and is gone `beyond_m` m beyond its end. `behind` (K, 2)
         m leads to the way's begin: a driver who is held up may back along it, and is gone at its first point.
-        With a `halt` it stops on its way, and goes on later.
+        With a `halt` it stops on its way, and goes on later. `size`: length and width in m; by default
+        those of traffic of its kind.
         """
 
     @abstractmethod
-    def has_room(self, body: Body, way: NDArray[np.float64], speed: float, late_m: float = 0.0) -> bool:
+    def has_room(
+        self,
+        body: Body,
+        way: NDArray[np.float64],
+        speed: float,
+        late_m: float = 0.0,
+        size: Size | None = None,
+    ) -> bool:
         """Whether something whose centre appears `late_m` m before a way (K, 2) m begins, and drives along it
         at speed m/s, and the surrounding vehicles can still stop before each other. An ego counts only below
         2 m/s."""
@@ -210,7 +220,7 @@ class Stage(ABC):
         """Take away what the event of that name has put on the road: what is called `EVENT:...`."""
 
     @abstractmethod
-    def hide_behind(self, event: str, place: XYHeading, size: tuple[float, float]) -> None:
+    def hide_behind(self, event: str, place: XYHeading, size: Size) -> None:
         """Put up, for the event of that name, a box (length and width in m) that the ego cannot see through.
 
         Raises SimulationError if it reaches onto the road.

@@ -9,11 +9,12 @@ from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.pause import Pause, halt_of
 from rudc.scenario.events.registry import register_event
-from rudc.scenario.events.stage import ROADSIDE_M, Stage
+from rudc.scenario.events.stage import ROADSIDE_M, Size, Stage
 from rudc.scenario.triggers import Metre
 
 FOLLOWING_S = 1.2
 """s between the rear of one and the front of the next"""
+CrosserSide = Annotated[AnyDistribution, Bounds(0.2, 25, "m")]
 
 
 class VehicleCrossing(Event, frozen=True):
@@ -24,7 +25,10 @@ class VehicleCrossing(Event, frozen=True):
     arm: Place
     """arm they cross; or ego_in or ego_out, the arm the ego comes from or leaves by"""
     type: AnyVehicleType = "bicycle"
-    """what crosses; its size is that of traffic of this type"""
+    """what crosses"""
+    size: tuple[CrosserSide, CrosserSide] | None = None
+    """length and width in m, of what is pushed, carried or ridden over the road; by default those of traffic
+    of that type"""
     at: Metre = Constant(value=4.0)
     """m from the junction, of their way; they wait until traffic there can stop, but not for the ego"""
     speed: MovingSpeed = Constant(value=4.0)
@@ -35,6 +39,11 @@ class VehicleCrossing(Event, frozen=True):
     """side they start from, as seen going towards the junction: on `ego_out`, `right` is the ego's left"""
     pause: Pause | None = None
     """where they stop on their way, all at once, and for how long; by default nowhere"""
+
+
+def size_or_none(event: VehicleCrossing) -> Size | None:
+    """Length and width in m, if the event says them, drawn."""
+    return None if event.size is None else (float(event.size[0]), float(event.size[1]))
 
 
 def beyond_way(length: float) -> float:
@@ -54,15 +63,15 @@ class VehicleCrossingEffect(Passing[VehicleCrossing]):
         way = stage.across_arm(event.arm, float(event.at))
         if event.from_side == "left":
             way = way[::-1]
-        length = stage.length_of(event.type)
-        if not stage.has_room(event.type, way, speed, 0.5 * length):
+        size = size_or_none(event)
+        length = stage.length_of(event.type) if size is None else size[0]
+        if not stage.has_room(event.type, way, speed, 0.5 * length, size):
             return False
         beyond_m = beyond_way(length)
         for i in range(event.count):
             late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)
-            stage.send(
-                f"{self.name}:{i}", event.type, way, speed, late_m, beyond_m, halt=halt_of(event.pause)
-            )
+            name, halt = f"{self.name}:{i}", halt_of(event.pause)
+            stage.send(name, event.type, way, speed, late_m, beyond_m, halt=halt, size=size)
         return True
 
 

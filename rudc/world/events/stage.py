@@ -13,7 +13,7 @@ from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length
-from rudc.scenario.events.stage import Body, Halt, XYHeading
+from rudc.scenario.events.stage import Body, Halt, Size, XYHeading
 from rudc.world.ego import DRY, GRAVITY, grip_of
 from rudc.world.entering import obstructed
 from rudc.world.events.patches import Patches
@@ -184,9 +184,8 @@ class WorldStage(NetworkStage):
     # ---- things
 
     def stand(
-        self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None,
-        *, for_now: bool = False,
-    ) -> None:  # fmt: skip
+        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_now: bool = False
+    ) -> None:
         """As `Stage.stand`. Raises SimulationError if something already stands in that place.
 
         On a lane of an arm or of a roundabout's ring, a stand-in makes SVs queue behind it or change lanes.
@@ -212,7 +211,7 @@ class WorldStage(NetworkStage):
                 self._block(name, lane, *span)
 
     def is_free(
-        self, body: Body, place: XYHeading, size: tuple[float, float] | None = None, *, for_ego: bool = False
+        self, body: Body, place: XYHeading, size: Size | None = None, *, for_ego: bool = False
     ) -> bool:
         if self.scene is None:
             return True
@@ -226,7 +225,7 @@ class WorldStage(NetworkStage):
         self.no_room |= not free
         return free
 
-    def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+    def is_taken_for_now(self, body: Body, place: XYHeading, size: Size | None = None) -> bool:
         leave = [_as_standing(prop) for prop in self.props if prop.name in self._for_now]
         taken = bool(overlapped(Standing("", body, place, size or size_of(body)), leave))
         self.no_room |= taken
@@ -265,7 +264,7 @@ class WorldStage(NetworkStage):
         self._stand_ins.setdefault(name.partition(":")[0], []).append(stand_in)
         self._closed[key] = stand_in, start, end
 
-    def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
+    def _too_near(self, place: XYHeading, size: Size) -> bool:
         """Whether the ego, straight on or on its path, would touch what is put there even with its hardest
         braking, as road and car are now.
         """
@@ -297,29 +296,30 @@ class WorldStage(NetworkStage):
         return v * now.delay_s + late + v * v / (2.0 * braking)
 
     def send(
-        self, name: str, body: Body, way: Array, speed: float,
-        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None, halt: Halt | None = None,
+        self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0,
+        behind: Array | None = None, halt: Halt | None = None, size: Size | None = None,
     ) -> None:  # fmt: skip
         if behind is not None:
             late_m -= float(arc_length(np.vstack([behind, way[:1]]))[-1])
             way = np.vstack([behind, way])
-        prop = self._prop(name, body, way, speed)
-        prop.travelled = prop.appeared_m = -late_m
+        prop = self._prop(name, body, way, speed, size, late_m)
         prop.beyond_m, prop.may_back_out, prop.halt = beyond_m, behind is not None, halt
         self.props.append(prop)
 
-    def has_room(self, body: Body, way: Array, speed: float, late_m: float = 0.0) -> bool:
+    def has_room(
+        self, body: Body, way: Array, speed: float, late_m: float = 0.0, size: Size | None = None
+    ) -> bool:
         if self.scene is None:
             return True
-        prop = self._prop("", body, way, speed)
-        prop.travelled = -late_m
-        x, y, heading, *size = prop.room()
-        room = prop.has_room(self.scene) and self._clear_of_new((x, y, heading), size, only_moving=False)
+        prop = self._prop("", body, way, speed, size, late_m)
+        x, y, heading, *box = prop.room()
+        room = prop.has_room(self.scene) and self._clear_of_new((x, y, heading), box, only_moving=False)
         self.no_room |= not room
         return room
 
-    def _prop(self, name: str, body: Body, way: Array, speed: float) -> Prop:
-        prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
+    def _prop(self, name: str, body: Body, way: Array, speed: float, size: Size | None, late: float) -> Prop:
+        prop = Prop(name, Kind[body.upper()], size or size_of(body), way, wanted=speed)
+        prop.travelled = prop.appeared_m = -late
         prop.grip, prop.look_s = self.traffic.grip, self.decision_s
         return prop
 
@@ -333,7 +333,7 @@ class WorldStage(NetworkStage):
         for stand_in in self._stand_ins.pop(event, []):
             self.sumo.remove(stand_in)  # on the road, or waiting for room there
 
-    def hide_behind(self, event: str, place: XYHeading, size: tuple[float, float]) -> None:
+    def hide_behind(self, event: str, place: XYHeading, size: Size) -> None:
         if reaches_onto_road(self.network, place, size):
             raise SimulationError(f"an occlusion box {said(self.network, place)}: {ON_THE_ROAD}")
         self._boxes.setdefault(event, []).append((*place, *size))
