@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -103,7 +104,13 @@ def never_happening(scenario: Scenario) -> list[str]:
         point = scenario.varied(swept) if swept else scenario
         for text in chain(*(find(point) for find in _FINDERS)):
             found.setdefault(text, _where(swept))
-    return [where + text for text, where in found.items()]
+    return [found[text] + text for text in sorted(found, key=_number)]
+
+
+def _number(text: str) -> int:
+    """The number of the event that a warning is about; 0 if it is about none."""
+    about = re.match(r"event (\d+)", text)
+    return int(about[1]) if about else 0
 
 
 def _in_vain(scenario: Scenario) -> Iterator[str]:

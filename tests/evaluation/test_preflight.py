@@ -148,6 +148,22 @@ def test_an_event_that_waits_for_a_time_beyond_the_limit_never_happens(written):
     assert "event 6 (events.5) sensor_noise can never happen: it waits for event_state above 61 s" in told
 
 
+def test_warnings_are_in_the_order_of_events(written):
+    text = """
+name: ordered
+network: four_way
+ego: {speed: 39}
+events:
+  - {kind: pedestrian_crossing, arm: ego_out, at: 80}
+  - {kind: low_friction, friction: 0.5, when: {simulation_time: {above: 50}}}
+  - {kind: pedestrian_crossing, arm: north, pause: {after: 60, duration: 2}}
+  - {kind: low_friction, friction: 0.5, when: {probability: 0}}
+"""
+    told = never_happening(load_scenario(written(text)))
+    assert [line.partition(" (")[0] for line in told[-4:]] == [f"event {k}" for k in (1, 2, 3, 4)]
+    assert all(not line.startswith("event") for line in told[:-4])
+
+
 def test_an_event_that_waits_for_what_the_ego_cannot_do_never_happens(written):
     text = """
 name: vain

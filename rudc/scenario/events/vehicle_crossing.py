@@ -27,8 +27,7 @@ class VehicleCrossing(Event, frozen=True):
     type: AnyVehicleType = "bicycle"
     """what crosses"""
     size: tuple[CrosserSide, CrosserSide] | None = None
-    """length and width in m, of what is pushed, carried or ridden over the road; by default those of traffic
-    of that type"""
+    """its length and width in m, such as a cart's; by default those of traffic of that type"""
     at: Metre = Constant(value=4.0)
     """m from the junction, of their way; they wait until traffic there can stop, but not for the ego"""
     speed: MovingSpeed = Constant(value=4.0)
