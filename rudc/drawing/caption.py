@@ -48,6 +48,8 @@ WHEN = {
     "event_state": "the time since",
 }
 """conditions of `when` in words, where their names do not say enough"""
+OTHERS = {"speed": "the speed of a vehicle ({}) is", "reach_position": "a vehicle ({}) reaches"}
+"""the same of conditions that may be about another vehicle"""
 SENSED = frozenset({"sensor_noise", "sensor_dropout"})
 """kinds of events that show in how the ego sees others"""
 REMARKS = {
@@ -181,6 +183,10 @@ def _condition(name: str, condition: FileModel) -> str:
     bounds = condition.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"vehicle"})
     towards, place = getattr(condition, "vehicle", None), bounds.pop("position", None)
     words = WHEN.get(name, _words(name))
+    if towards is not None and name in OTHERS:
+        words, towards = OTHERS[name].format(towards), None
+    if name == "relative_distance" and "event" in bounds:
+        words, towards = f"the ego's distance to event {_value(bounds.pop('event') + 1)} is", None
     if name == "event_state":
         state = "began" if bounds.pop("state") == "begun" else "was over"
         words += f" ({_value(bounds.pop('event') + 1)}) {state} is"

@@ -242,7 +242,8 @@ def _never(when: Conditions, end: float) -> Iterator[str]:
     for name, threshold in when.conditions.items():
         if not isinstance(threshold, Threshold):
             continue
-        greatest, unit, why = most.get(name, (math.inf, "", ""))
+        others = name == "speed" and getattr(threshold, "vehicle", None) is not None
+        greatest, unit, why = (math.inf, "", "") if others else most.get(name, (math.inf, "", ""))
         if threshold.above and threshold.above.support[0] >= greatest:
             yield f"it waits for {name} above {threshold.above.support[0]:g} {unit}, and {why}"
         if threshold.below and threshold.below.support[1] <= threshold.LEAST:

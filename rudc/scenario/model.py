@@ -43,6 +43,7 @@ from rudc.scenario.problems import describe
 from rudc.scenario.replacing import with_numbers
 from rudc.scenario.sections import Ego, Episode, Traffic
 from rudc.scenario.shared import Shared, sharing
+from rudc.scenario.triggers import named_events
 from rudc.scenario.yaml_text import YamlDumper
 
 _EGO, _TRAFFIC, _EPISODE, _WORLD, _SHARED, _FIRST_EVENT = 1, 2, 3, 4, 5, 16
@@ -104,11 +105,12 @@ def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Itera
 
 
 def _states(event: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
-    """Where an event, as a file gives it, may say for which event it waits."""
-    yield "when", "event_state", "event"
+    """Where the conditions of an event, as a file gives it, may name another event."""
     groups = value_at(event, "when.any")
-    for i in range(len(groups) if isinstance(groups, list | tuple) else 0):
-        yield "when", "any", i, "event_state", "event"
+    for name in ("event_state", "relative_distance"):
+        yield "when", name, "event"
+        for i in range(len(groups) if isinstance(groups, list | tuple) else 0):
+            yield "when", "any", i, name, "event"
 
 
 def _nobody_called(called: str, numbers: dict[str, int], later: list[int]) -> str:
@@ -122,16 +124,17 @@ def _nobody_called(called: str, numbers: dict[str, int], later: list[int]) -> st
 
 
 def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
-    """The same events, each of which waits at most for events before it."""
+    """The same events, each of which names only events before it."""
     for k, event in enumerate(events):
         for where, group in (event.when.groups if event.when else {}).items():
-            state = group.event_state
-            if state is not None and state.event.support[1] >= k:
+            for key, number in named_events(group).items():
+                if number.support[1] < k:
+                    continue
                 before = f"0 to {k - 1}" if k > 1 else "only 0" if k else "there is none before the first"
                 refuse(
                     f"expected the number of an event before this one in the file ({before}); "
-                    f"got {state.event.support[1]:g}",
-                    *(k, "when", *where, "event_state", "event"),
+                    f"got {number.support[1]:g}",
+                    *(k, "when", *where, *key),
                 )
     return events
 

@@ -105,11 +105,11 @@ class JunctionThreshold(Threshold, frozen=True):
     """m; holds when it is nearer"""
 
 
-class RelativeDistance(DistanceThreshold, frozen=True):
-    """The distance in m between the ego's centre and a vehicle's."""
+class SpeedOf(SpeedThreshold, frozen=True):
+    """The speed in m/s of the ego, or of a vehicle."""
 
-    vehicle: Selector = "nearest"
-    """towards which vehicle"""
+    vehicle: Selector | None = None
+    """of which vehicle; by default the ego's"""
 
 
 class TimeHeadway(TimeThreshold, frozen=True):
@@ -136,6 +136,21 @@ class OrName:
         return {"anyOf": [handler(schema), {"type": "string", "minLength": 1}]}
 
 
+class RelativeDistance(DistanceThreshold, frozen=True):
+    """The distance in m between the ego's centre and a vehicle's, or a thing's of an event."""
+
+    vehicle: Selector = "nearest"
+    """towards which vehicle"""
+    event: Annotated[AnyDistribution, Bounds(0, 999, whole=True), OrName()] | None = None
+    """towards the nearest vehicle or thing of which event, instead; as in `event_state`"""
+
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """A vehicle, or an event."""
+        if "event" in given and given.get("vehicle", "nearest") != "nearest":
+            yield "takes the place of `vehicle`; give one of them", "event"
+
+
 class EventState(TimeThreshold, frozen=True):
     """The time in s since an earlier event of the file began, or since it was over."""
 
@@ -149,8 +164,10 @@ class EventState(TimeThreshold, frozen=True):
 
 
 class ReachPosition(FileModel, frozen=True):
-    """The ego is near a place."""
+    """The ego, or a vehicle, is near a place."""
 
+    vehicle: Selector | None = None
+    """which vehicle; by default the ego"""
     position: Position | None = None
     """[x, y] in m east and north of the junction's centre"""
     lane: Identifier | None = None
@@ -186,15 +203,15 @@ class Conditions(FileModel, frozen=True):
     traveled_distance: DistanceThreshold | None = None
     """m the ego has driven since the episode began"""
     relative_distance: RelativeDistance | None = None
-    """m between the ego and a surrounding vehicle"""
+    """m between the ego and a surrounding vehicle, or what an event has put on the road"""
     time_headway: TimeHeadway | None = None
     """s of headway to a surrounding vehicle, by default the leader"""
     time_to_collision: TimeToCollision | None = None
     """s to a collision with a surrounding vehicle, by default the nearest"""
     reach_position: ReachPosition | None = None
-    """the ego is near a place"""
-    speed: SpeedThreshold | None = None
-    """the ego's speed, m/s"""
+    """the ego, or a vehicle, is near a place"""
+    speed: SpeedOf | None = None
+    """the speed of the ego, or of a vehicle, m/s"""
     stand_still: TimeThreshold | None = None
     """s for which the ego has been standing (slower than 0.5 m/s) without a break; 0 while it moves"""
     ego_distance_to_junction: JunctionThreshold | None = None
@@ -237,3 +254,9 @@ class Trigger(Conditions, frozen=True):
 def awaited(trigger: Trigger | None) -> int | None:
     """Number, in keys, of the event for which a drawn trigger waits; None if it waits for none."""
     return None if trigger is None or trigger.event_state is None else int(float(trigger.event_state.event))
+
+
+def named_events(group: Conditions) -> dict[tuple[str, str], Distribution]:
+    """Where in a group of conditions an earlier event is named -> its number."""
+    parts = {"event_state": group.event_state, "relative_distance": group.relative_distance}
+    return {(name, "event"): part.event for name, part in parts.items() if part is not None and part.event}

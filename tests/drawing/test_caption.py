@@ -168,6 +168,15 @@ def test_arms_and_groups_of_conditions_are_said_in_words():
         "the ego's distance to its stop line is below 20 m and (the ego's speed is above 3 m/s and the ego "
         "has stood for below 1 s or the ego's headway (from north turn left) is below 2 s)"
     )
+    others = {
+        "speed": {"vehicle": "leader", "below": 1},
+        "reach_position": {"vehicle": "leader", "lane": "ego_in", "at": 20},
+        "relative_distance": {"event": 0, "below": 5},
+    }
+    assert conditions(event("hard_brake", when=others)) == (
+        "the ego's distance to event 1 is below 5 m and a vehicle (leader) reaches lane ego_in at 20 m "
+        "tolerance 2 m and the speed of a vehicle (leader) is below 1 m/s"
+    )
     alone = event("hard_brake", when={"any": groups[:1]})
     assert conditions(alone) == "the ego's speed is above 3 m/s and the ego has stood for below 1 s"
 

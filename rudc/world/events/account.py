@@ -77,7 +77,9 @@ def told(when: Trigger, say: Callable[[str, FileModel], str]) -> str:
 
 def _words(condition: FileModel) -> str:
     data = condition.model_dump(mode="json", exclude_none=True)
-    if (who := getattr(condition, "vehicle", None)) is not None:
+    if getattr(condition, "event", None) is not None:
+        data.pop("vehicle", None)  # the event stands in its place
+    elif (who := getattr(condition, "vehicle", None)) is not None:
         data["vehicle"] = str(who)
     data = {key: data[key] for key in ("event", "state") if key in data} | data  # first which, then how long
     return " ".join(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +39,9 @@ def _traveled_distance(condition: Any, scene: Scene, stage: WorldStage, trigger:
 
 
 def _speed(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
-    return condition.holds(scene.ego.v)
+    if condition.vehicle is None:
+        return condition.holds(scene.ego.v)
+    return any(condition.holds(float(v)) for v in scene.speed[_whom(condition, scene, stage, trigger)])
 
 
 def _stand_still(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
@@ -54,7 +57,10 @@ def _reach_position(condition: Any, scene: Scene, stage: WorldStage, trigger: Tr
         x, y, _ = scene.network.place_on_lane(condition.lane, float(condition.at), route=scene.route)
     else:
         x, y = scene.network.center + [float(value) for value in condition.position]
-    return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
+    if condition.vehicle is None:
+        return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
+    away = scene.position[_whom(condition, scene, stage, trigger)] - (x, y)
+    return bool((np.hypot(away[:, 0], away[:, 1]) < float(condition.tolerance)).any())
 
 
 def _event_state(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
@@ -88,7 +94,11 @@ def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage, trigger:
 
 
 def _whom(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> list[int]:
-    """Rows of the SVs that a condition is about."""
+    """Rows of the SVs, or of an event's things, that a condition is about."""
+    if getattr(condition, "event", None) is not None:
+        number = int(float(condition.event))
+        held, thing = stage.held_by(number), re.compile(rf"[a-z_]+{number}:")
+        return [i for i, name in enumerate(scene.ids) if name in held or thing.match(name)]
     if condition.vehicle != "same":
         return pick(scene, condition.vehicle, stage.rng)
     return [scene.ids.index(name) for name in stage.held_by(awaited(trigger)) if name in scene.ids]
