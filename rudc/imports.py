@@ -41,6 +41,7 @@ from typing import Any, Generic, TypeVar
 from rudc.beside import code_beside, refuse_taken
 from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
+from rudc.reading import watched
 
 PREFIX = "rudc_own_"
 """beginning of the names of modules that are made from files"""
@@ -147,7 +148,7 @@ def found_at(place: str) -> Any:
 def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
     """The object that an installed package's entry point names. Raises `error` if the import fails."""
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched():
             return entry.load()
     except (Exception, SystemExit) as failed:
         package = entry.dist.name if entry.dist else "?"
@@ -313,7 +314,7 @@ def _load(path: Path, _modified: int) -> ModuleType:
     refuse_taken(path)
     sys.modules[name] = module  # so that its dataclasses and pickles find it
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched():
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
@@ -324,7 +325,7 @@ def _load(path: Path, _modified: int) -> ModuleType:
 def _module(source: str) -> ModuleType:
     _importable(Path.cwd())
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched():
             return importlib.import_module(source)
     except ModuleNotFoundError as error:
         if error.name and (source == error.name or source.startswith(f"{error.name}.")):

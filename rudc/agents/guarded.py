@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.agents.base import Agent, Decision
+from rudc.agents.own_files import not_remembered
 from rudc.agents.seat import Correction, Critics, Percentiles, Proposal
 from rudc.arrays import Array
 from rudc.env.action import numbers_of, two_numbers
 from rudc.errors import AgentFailedError
 from rudc.imports import ask_own, in_words, refused, shortened
+from rudc.reading import watched
 from rudc.safety.corrected import Corrected
 from rudc.world.config import EgoDriver
 from rudc.world.ego import within_limits
@@ -51,6 +53,10 @@ class GuardedAgent:
         self.name = name
         self.ego_driver: EgoDriver = getattr(agent, "ego_driver", "agent")
         self.inner = agent
+        self.remembered_only = False
+        """whether data files are refused that it opens in its first `reset` or `act` and did not open before
+        (rudc/agents/own_files.py): a sweep's manifest knows nothing of them"""
+        self._called: set[str] = set()
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset the agent."""
@@ -82,13 +88,28 @@ class GuardedAgent:
 
     def _call(self, method: str, scene: Scene, call: Callable[[], T]) -> T:
         try:
-            return call()
+            if not self.remembered_only or method in self._called:
+                return call()
+            self._called.add(method)
+            return self._watched(method, call)
         except AgentFailedError:
             raise
         except (Exception, SystemExit) as error:
             raise AgentFailedError(
                 f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}"
             ) from error
+
+    def _watched(self, method: str, call: Callable[[], T]) -> T:
+        """The answer of a call in which no data file is opened that was not opened before."""
+        with watched() as opened:
+            answer = call()
+        if late := not_remembered(self.name, opened):
+            raise AgentFailedError(
+                f"agent {self.name}: {method} opened {late[0]}, and a sweep keeps digests only of files that "
+                f"an agent opens while it is made; open it in __init__, or let its class say "
+                f"reads = ({late[0]!r},)"
+            )
+        return answer
 
 
 class GuardedCorrection:

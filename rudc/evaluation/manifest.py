@@ -208,7 +208,8 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
         shown = "\n".join(f"  {line}" for line in differences[:12])
         more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
         what = "search" if "search" in there else "sweep"
-        mixed = "; rows of old and new code would mix" if any(map(_OF_CODE.match, differences)) else ""
+        kinds = [kind for kind, key in _OF_AGENTS.items() if any(map(key.match, differences))]
+        mixed = f"; rows of old and new {' and '.join(kinds)} would mix" if kinds else ""
         raise SweepError(
             f"{folder} holds another {what}; it differs in\n{shown}{more}\n"
             f"Give the same command as before to resume it, or another --out to start anew{mixed}"
@@ -248,8 +249,11 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
     return list(changes)
 
 
-_OF_CODE = re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\.")
-"""how a line of `_differences` begins if it is about code that is not RUDC's"""
+_OF_AGENTS = {
+    "code": re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\."),
+    "files": re.compile(r"agents\..*\.files[.:]"),
+}
+"""what else may change an agent that is not RUDC's -> how a line of `_differences` about it begins"""
 _OF_CONTENT = re.compile(r"scenarios\..*\.digest$")
 """the keys of `_differences` of a scenario's digest, which depends on the content of its networks, too"""
 _NAMED = ("scenarios", "agents", "plugins")

@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from rudc.agents.base import Agent
+from rudc.agents.base import Agent, layers
+from rudc.agents.guarded import GuardedAgent
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError, PartFailedError, RudcError
@@ -82,6 +83,9 @@ class EpisodeRunner:
                     f"agent {task.agent} is no longer what it was when the sweep began: a file of it was "
                     "replaced; put it back and --resume, or give another --out"
                 )
+            for layer in layers(agent) if task.agent_digest else ():
+                if isinstance(layer, GuardedAgent):
+                    layer.remembered_only = True
             self._agents[task.agent] = agent
         return self._agents[task.agent], self._world_of(task)
 
