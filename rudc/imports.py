@@ -27,7 +27,6 @@ import pickle
 import re
 import shlex
 import sys
-import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
@@ -42,6 +41,7 @@ from rudc.beside import code_beside, refuse_taken
 from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
 from rudc.reading import watched
+from rudc.tracebacks import place_of
 
 PREFIX = "rudc_own_"
 """beginning of the names of modules that are made from files"""
@@ -247,14 +247,13 @@ def _arrived(sources: tuple[str, ...], pickled: bytes) -> Any:
 
 
 def in_words(error: BaseException) -> str:
-    """`ValueError: its message (file.py:12)`, with the line that raised it or, for a SyntaxError, the line
+    """`ValueError: its message (file.py:12)`, with its place (`place_of`) or, for a SyntaxError, the line
     that does not parse.
     """
     if isinstance(error, SyntaxError) and error.filename:
         return f"{type(error).__name__}: {error.msg} ({Path(error.filename).name}:{error.lineno})"
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}: {error}{place}"
+    place = place_of(error)
+    return f"{type(error).__name__}: {error}{f' ({place})' if place else ''}"
 
 
 def is_own(thing: Any) -> bool:

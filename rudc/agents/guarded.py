@@ -44,6 +44,15 @@ _STATED: dict[str, tuple[Callable[[Any], bool], str]] = {
 """optional part of a decision -> the check of its value, and a description of the values that are accepted"""
 
 
+_DETACH = "; what it answers requires grad: call .detach() on it, or compute it under torch.no_grad()"
+
+
+def _requires_grad(answer: Any) -> bool:
+    """Whether an answer is a tensor of torch that requires grad, or has one in it."""
+    parts = [answer, *answer] if isinstance(answer, list | tuple) else [answer]
+    return any(getattr(part, "requires_grad", False) is True for part in parts)
+
+
 class GuardedAgent:
     """An agent that is not RUDC's. Its methods raise AgentFailedError, with the agent's own exception, if
     any, as the cause.
@@ -84,6 +93,7 @@ class GuardedAgent:
         raise AgentFailedError(
             f"agent {self.name} at {scene.time_s:.1f} s: act answered {shortened(answer)}, where two finite "
             "numbers were expected (acceleration m/s2, front-wheel angle rad), or a Decision of them"
+            f"{_DETACH if _requires_grad(answer) else ''}"
         )
 
     def _call(self, method: str, scene: Scene, call: Callable[[], T]) -> T:

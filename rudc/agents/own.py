@@ -132,10 +132,26 @@ def construct(
     except (Exception, SystemExit) as error:
         raise AgentError(f"agent {name} cannot be made: {in_words(error)}") from error
     for method, form in METHODS.items():
-        if not callable(getattr(agent, method, None)):
-            raise AgentError(f"agent {name} has no method {form}; see rudc/agents/base.py, or `examples/`")
+        _check_method(name, method, getattr(agent, method, None), form)
     remember(name, make, agent, opened, named_in)
     return agent
+
+
+def _check_method(name: str, method: str, there: Any, form: str) -> None:
+    """Raise AgentError unless a method of an agent is there and can be called as `form` says."""
+    if not callable(there):
+        raise AgentError(f"agent {name} has no method {form}; see rudc/agents/base.py, or `examples/`")
+    try:
+        signature = inspect.signature(there)
+    except (TypeError, ValueError):  # of C
+        return
+    try:
+        signature.bind(*form.partition("(")[2].split(", "))
+    except TypeError:
+        raise AgentError(
+            f"agent {name}: its {method} takes {signature}, and is called as {form}; see "
+            "rudc/agents/base.py, or `examples/`"
+        ) from None
 
 
 def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:

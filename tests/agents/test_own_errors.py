@@ -1,0 +1,112 @@
+"""What is said of agents of one's own that are wrong: what is meant, and where."""
+
+import re
+import sys
+
+import pytest
+
+from rudc.agents.registry import make_agent
+from rudc.errors import AgentError, AgentFailedError
+from rudc.tracebacks import own_traceback
+
+SOURCE = """
+import json
+import torch
+from helping import helped
+
+class Base:
+    def reset(self, scene, seed): ...
+    def act(self, scene): return 0.0, 0.0
+
+class Grad(Base):
+    def act(self, scene): return torch.ones(2, requires_grad=True)
+
+class GradInTuple(Base):
+    def __init__(self): self.weight = torch.ones((), requires_grad=True)
+    def act(self, scene): return 2.0 * self.weight, 0.0
+
+class Plain(Base):
+    def act(self, scene): return torch.ones(3)
+
+class InTorch(Base):
+    def act(self, scene):
+        return torch.nn.Linear(3, 4)(torch.zeros(1, 7))
+
+class InHelper(Base):
+    def act(self, scene): return helped("{")
+
+class InRudc(Base):
+    def act(self, scene):
+        from rudc.env.tracking import steering
+        return 0.0, steering(None)
+
+class ResetOne(Base):
+    def reset(self, scene): ...
+
+class ActThree(Base):
+    def act(self, scene, seed, more): ...
+
+class AnyArguments(Base):
+    reset = act = lambda *given, **more: (0.0, 0.0)
+"""
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """Makes an agent of `SOURCE` by the name of its class."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "wrong.py").write_text(SOURCE, encoding="utf-8")
+    (tmp_path / "helping.py").write_text("import json\n\ndef helped(text):\n    return json.loads(text)\n")
+    yield lambda name: make_agent(f"{tmp_path}/wrong.py:{name}")
+    sys.modules.pop("helping", None)
+
+
+def failing(agent, scene):
+    with pytest.raises(AgentFailedError) as caught:
+        agent.act(scene)
+    return caught.value
+
+
+@pytest.mark.parametrize(("name", "detach"), [("Grad", True), ("GradInTuple", True), ("Plain", False)])
+def test_a_tensor_that_requires_grad_is_to_be_detached(made, scene_on, name, detach):
+    told = str(failing(made(name), scene_on("south", "straight", 60.0, 7.0)))
+    assert "where two finite numbers were expected" in told
+    assert ("call .detach() on it" in told) == detach
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "innermost"),
+    [("InTorch", "wrong.py:22", "linear.py"), ("InHelper", "helping.py:4", "decoder.py"),
+     ("InRudc", "wrong.py:30", "tracking.py")],
+)  # fmt: skip
+def test_the_place_of_an_error_lies_in_the_users_files(made, scene_on, name, place, innermost):
+    error = failing(made(name), scene_on("south", "straight", 60.0, 7.0))
+    assert str(error).endswith(f"({place})")
+    told = own_traceback(error.__cause__)
+    assert re.match(r'Traceback .*:\n  File ".*wrong\.py", line \d+, in act\n', told)
+    assert innermost in told
+
+
+def test_an_error_of_which_no_other_code_is_part_has_no_such_traceback():
+    with pytest.raises(AgentError) as caught:
+        make_agent("no_such_agent")
+    assert own_traceback(AgentError("never raised")) == ""
+    assert "test_own_errors.py" in own_traceback(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("ResetOne", "its reset takes (scene), and is called as reset(scene, seed)"),
+        ("ActThree", "its act takes (scene, seed, more), and is called as act(scene)"),
+    ],
+)
+def test_a_method_that_cannot_be_called_is_refused_as_the_agent_is_made(made, name, told):
+    with pytest.raises(AgentError, match=re.escape(told)):
+        made(name)
+
+
+def test_a_method_that_takes_anything_is_taken(made, scene_on):
+    agent, scene = made("AnyArguments"), scene_on("south", "straight", 60.0, 7.0)
+    agent.reset(scene, 0)
+    assert agent.act(scene).u.tolist() == [0.0, 0.0]
