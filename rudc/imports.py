@@ -37,7 +37,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from rudc.beside import code_beside, refuse_taken
+from rudc.beside import code_beside, folders_of, refuse_taken
 from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
 from rudc.reading import watched
@@ -317,8 +317,19 @@ def _load(path: Path, _modified: int) -> ModuleType:
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise InputError(f"{path} cannot be imported: {in_words(error)}") from error
+        raise InputError(f"{path} cannot be imported: {in_words(error)}{_by_module(path, error)}") from error
     return module
+
+
+def _by_module(path: Path, error: BaseException) -> str:
+    """What to do where a file's relative import failed; empty for other errors."""
+    if not isinstance(error, ImportError) or "attempted relative import" not in str(error):
+        return ""
+    root, home = folders_of(path)
+    if root == home:
+        return "; without an __init__.py beside it the file is in no package: import without the dots"
+    module = ".".join(path.relative_to(root).with_suffix("").parts)
+    return f"; the file is part of a package: name it as {module} (an agent: {module}:Class), in {root}"
 
 
 def _module(source: str) -> ModuleType:

@@ -66,9 +66,11 @@ class GuardedAgent:
         """whether data files are refused that it opens in its first `reset` or `act` and did not open before
         (rudc/agents/own_files.py): a sweep's manifest knows nothing of them"""
         self._called: set[str] = set()
+        self._begun = False
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset the agent."""
+        self._begun = True
         self._call("reset", scene, lambda: self.inner.reset(scene, seed))
 
     def act(self, scene: Scene) -> Decision:
@@ -105,8 +107,9 @@ class GuardedAgent:
         except AgentFailedError:
             raise
         except (Exception, SystemExit) as error:
+            hint = "" if self._begun else "; reset(scene, seed) was never called before"
             raise AgentFailedError(
-                f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}"
+                f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}{hint}"
             ) from error
 
     def _watched(self, method: str, call: Callable[[], T]) -> T:

@@ -130,7 +130,8 @@ def construct(
     except RudcError:
         raise
     except (Exception, SystemExit) as error:
-        raise AgentError(f"agent {name} cannot be made: {in_words(error)}") from error
+        told = f"{in_words(error)}{_where_it_is_looked_for(error)}"
+        raise AgentError(f"agent {name} cannot be made: {told}") from error
     for method, form in METHODS.items():
         _check_method(name, method, getattr(agent, method, None), form)
     remember(name, make, agent, opened, named_in)
@@ -140,7 +141,8 @@ def construct(
 def _check_method(name: str, method: str, there: Any, form: str) -> None:
     """Raise AgentError unless a method of an agent is there and can be called as `form` says."""
     if not callable(there):
-        raise AgentError(f"agent {name} has no method {form}; see rudc/agents/base.py, or `examples/`")
+        needs = " and ".join(METHODS.values())
+        raise AgentError(f"agent {name} has no method {form}; an agent needs {needs}: see `examples/`")
     try:
         signature = inspect.signature(there)
     except (TypeError, ValueError):  # of C
@@ -148,10 +150,18 @@ def _check_method(name: str, method: str, there: Any, form: str) -> None:
     try:
         signature.bind(*form.partition("(")[2].split(", "))
     except TypeError:
-        raise AgentError(
-            f"agent {name}: its {method} takes {signature}, and is called as {form}; see "
-            "rudc/agents/base.py, or `examples/`"
-        ) from None
+        raise AgentError(f"agent {name}: its {method} takes {signature}, and is called as {form}") from None
+
+
+def _where_it_is_looked_for(error: BaseException) -> str:
+    """Where a file that was not found is looked for, if its path is relative; empty for other errors."""
+    path = getattr(error, "filename", None)
+    if not isinstance(error, FileNotFoundError) or not isinstance(path, str) or os.path.isabs(path):
+        return ""
+    return (
+        f"; that path is relative to the working folder, {Path.cwd()}; a file beside the agent's own is "
+        f"Path(__file__).with_name({os.path.basename(path)!r})"
+    )
 
 
 def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:
@@ -214,5 +224,6 @@ def _values(inside: str, name: str) -> tuple[tuple[Any, ...], tuple[tuple[str, A
         return tuple(ast.literal_eval(value) for value in call.args), named
     except (TypeError, ValueError):
         raise AgentError(
-            f"agent {name}: arguments are numbers, texts in quotes, True, False, None, or lists of them"
+            f"agent {name}: arguments are numbers, texts in quotes, True, False, None, or lists or "
+            "dictionaries of them"
         ) from None

@@ -8,6 +8,7 @@ Modules that only learnt agents need are imported when one is made.
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,7 @@ def _parts(name: str) -> tuple[str, str, Changes]:
         base, (behind, text) = own[0], split(own[1])
         suffix = _suffix(behind, name)
     else:
+        _refuse_half_a_place(name)
         whole, text = split(name)
         base, suffix = _base(whole)
     if not text:
@@ -149,6 +151,21 @@ def _parts(name: str) -> tuple[str, str, Changes]:
             "your own stand in brackets: FILE.py:Class(speed=3)"
         )
     return base, suffix, parse(text)
+
+
+def _refuse_half_a_place(name: str) -> None:
+    """Raise AgentError for `agents/mine:Class` and `pkg/inner:Class` where `agents/mine.py:Class` or
+    `pkg.inner:Class` would be an agent's place.
+    """
+    source, _, rest = name.partition(":")
+    if not re.match(r"[A-Za-z_]\w*($|[(+:])", rest) or find_checkpoint(source) is not None:
+        return
+    file, package = Path(f"{source}.py"), Path(source)
+    inner = file.is_file() and (file.parent / "__init__.py").is_file()
+    if (inner or (package / "__init__.py").is_file()) and not package.is_absolute():
+        raise AgentError(f"no agent {name!r}; did you mean {'.'.join(package.parts)}:{rest}?")
+    if file.is_file():
+        raise AgentError(f"no agent {name!r}; did you mean {file}:{rest}?")
 
 
 def _lacks_value(name: str) -> bool:

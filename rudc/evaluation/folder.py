@@ -77,9 +77,9 @@ class SweepFolder:
     def open(self, resume: bool) -> None:
         """Lock the folder for this sweep. Raises InputError when it is in use or cannot be made, SweepError
         when something else is in it."""
+        new = manifest(self._plan)  # refuses unknown agents, before there is a folder
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        new = manifest(self._plan)
         content = settled(self.path, new, resume, "finish the sweep", self._refuse_other_columns)
         self._take_order_of_columns()
         copies = keep_networks(self._plan, self.path)

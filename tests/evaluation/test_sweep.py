@@ -131,7 +131,9 @@ def test_failed_episodes_have_a_row_and_are_run_again_on_resume(fakes, make_plan
 
 @pytest.mark.parametrize("between", ["  ", "\n"], ids=["two blanks", "a line break"])
 def test_an_agents_name_may_have_any_blanks_in_it(fakes, make_plan, tmp_path, between):
-    (tmp_path / "my.py").write_text("class Slow:\n    def __init__(self, speed, gain): pass\n")
+    (tmp_path / "my.py").write_text(
+        "class Slow:\n    reset = act = lambda *_: None\n    def __init__(self, speed, gain): pass\n"
+    )
     name = f"{tmp_path / 'my.py'}:Slow(speed=3,{between}gain=2)"
     plan = make_plan(agents=("follower", name))
     rows = run_sweep(plan, tmp_path / "out", fakes.Runner).rows
@@ -249,6 +251,12 @@ def test_a_folder_with_something_in_it_is_refused(fakes, make_plan, tmp_path):
         run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_an_agent_that_is_not_there_leaves_no_folder(fakes, make_plan, tmp_path):
+    with pytest.raises(InputError, match="did you mean 'planner'"):
+        run_sweep(make_plan(agents=("plannr",)), tmp_path / "out", fakes.Runner)
+    assert not (tmp_path / "out").exists()
 
 
 def test_where_no_folder_can_be_is_said(fakes, make_plan, tmp_path, monkeypatch):
