@@ -30,6 +30,7 @@ from rudc.agents.drivers import (
     make_driver,
 )
 from rudc.agents.filtered import FilteredAgent, filters
+from rudc.agents.named import refuse_object
 from rudc.agents.outlook import OutlookSettings, with_outlook
 from rudc.agents.variation import (
     Changes,
@@ -64,6 +65,7 @@ def make_agent(name: str) -> Agent:
     """A new agent of that name, place or checkpoint's folder. Raises AgentError, with a suggestion, if there
     is none.
     """
+    refuse_object(name)
     base, suffix, changes = _parts(name)
     shown, others = outlook_changes(changes)
     if is_driver(base):

@@ -237,17 +237,18 @@ def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Me
     return "".join(map(format_row, lines))
 
 
-def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
+def read_sweep(path: str | Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
     """All rows of a sweep's folder and the names of its swept parameters, as `sweep_rows` has them."""
     rows = sweep_rows(path)
     return by_row(rows.blocks()), rows.parameters
 
 
-def sweep_rows(path: Path) -> SweepRows:
+def sweep_rows(path: str | Path) -> SweepRows:
     """The rows of a sweep's folder, read as they are used; without any row there are no columns. Columns that
     did not exist yet when the folder was written are empty; columns that are not known here, such as a user's
     own, stand after the known ones. Raises SweepError when it is not the folder of a sweep.
     """
+    path = Path(path)
     file = path / "episodes.csv"
     header, blocks = _read(path)
     if next(blocks, None) is None:

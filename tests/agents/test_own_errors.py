@@ -2,6 +2,7 @@
 
 import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -131,6 +132,14 @@ def test_where_a_file_is_looked_for_is_said(made, tmp_path, monkeypatch):
     )
     with pytest.raises(AgentError, match=r"weights\.pt' \(wrong\.py:39\)$"):
         made(f"NoWeights('{tmp_path}/weights.pt')")
+
+
+def test_an_agent_itself_is_no_name(made):
+    for given in (made("Plain"), Path("mine.py"), None):
+        with pytest.raises(
+            AgentError, match=r'give one of your own a name, rudc\.register_agent\("mine", Class\)'
+        ):
+            make_agent(given)
 
 
 def test_an_agent_that_was_never_reset(made, scene_on):

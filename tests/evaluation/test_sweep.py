@@ -360,6 +360,28 @@ def test_an_engine_that_raises_is_named_and_what_it_did_is_kept(make_plan, fakes
     assert len(read_sweep(tmp_path / "out")[0]) == 1
 
 
+@pytest.mark.parametrize(
+    ("scenarios", "agents", "told"),
+    [
+        (("fog",), "planner", "`agents` of a sweep is a tuple of them, not 'planner': ('planner',)"),
+        ("fog", ("planner",), "`scenarios` of a sweep is a tuple of them, not 'fog': find_scenarios("),
+        (("fog",), ("planner", object), "give one of your own a name, rudc.register_agent("),
+        (("fog",), (b"planner",), "an agent is given by its name, not as b'planner'"),
+    ],
+)
+def test_one_thing_instead_of_several_is_refused(scenarios, agents, told):
+    with pytest.raises(InputError) as caught:
+        SweepPlan(scenarios if isinstance(scenarios, str) else tuple(find_scenarios(scenarios)), agents, 1, 0)
+    assert told in str(caught.value)
+
+
+def test_names_are_no_scenarios():
+    with pytest.raises(SweepError, match=r"'fog' is no scenario: find_scenarios\(\[NAME, ...\]\) gives"):
+        SweepPlan(("fog",), ("planner",), 1, 0)
+    with pytest.raises(InputError, match=r"scenarios are given as a list of names: \['fog'\], not 'fog'"):
+        find_scenarios("fog")
+
+
 def test_nonsense_is_refused(make_plan, fakes, tmp_path):
     for wrong, match in (
         ({"names": ()}, "at least one scenario"),
