@@ -104,7 +104,10 @@ def _hook(event: str, args: tuple[Any, ...]) -> None:
     name = os.fsdecode(path)
     if name.endswith(CODE):
         return
-    thread, place = threading.get_ident(), os.path.abspath(name)
+    try:
+        thread, place = threading.get_ident(), os.path.abspath(name)
+    except OSError:  # the working folder is gone; what is raised here would be raised by `open`
+        return
     for watch in [watch for watch in _watching if watch.thread == thread]:
         if flags & _WRITES:
             watch.written.add(place)

@@ -106,8 +106,8 @@ def driver_settings(name: str) -> dict[str, Any]:
     if name not in _registered:
         beside = imports_beside(found) | named_apart(sys.modules[_installed()[name].module], found)
     known: dict[str, Any] = {"driver": name, "source": source_digest(found)}
-    if files := files_of(name, found, lambda: construct(found, name)):
-        known["files"] = files
+    if reads := files_of(name, found, lambda: construct(found, name)):
+        known["reads"] = reads
     return known | ({"imports": beside} if beside else {})
 
 

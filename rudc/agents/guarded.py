@@ -62,9 +62,9 @@ class GuardedAgent:
         self.name = name
         self.ego_driver: EgoDriver = getattr(agent, "ego_driver", "agent")
         self.inner = agent
-        self.remembered_only = False
-        """whether data files are refused that it opens in its first `reset` or `act` and did not open before
-        (rudc/agents/own_files.py): a sweep's manifest knows nothing of them"""
+        self.recorded: frozenset[str] | None = None
+        """names of its data files that a sweep's manifest records (rudc/agents/own_files.py): others are
+        refused that it opens in its first `reset` or `act` and did not open before; None: none is refused"""
         self._called: set[str] = set()
         self._begun = False
 
@@ -100,10 +100,10 @@ class GuardedAgent:
 
     def _call(self, method: str, scene: Scene, call: Callable[[], T]) -> T:
         try:
-            if not self.remembered_only or method in self._called:
+            if self.recorded is None or method in self._called:
                 return call()
             self._called.add(method)
-            return self._watched(method, call)
+            return self._watched(method, call, self.recorded)
         except AgentFailedError:
             raise
         except (Exception, SystemExit) as error:
@@ -112,11 +112,11 @@ class GuardedAgent:
                 f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}{hint}"
             ) from error
 
-    def _watched(self, method: str, call: Callable[[], T]) -> T:
-        """The answer of a call in which no data file is opened that was not opened before."""
+    def _watched(self, method: str, call: Callable[[], T], recorded: frozenset[str]) -> T:
+        """The answer of a call in which no data file is opened that is neither recorded nor opened before."""
         with watched() as opened:
             answer = call()
-        if late := not_remembered(self.name, opened):
+        if late := [name for name in not_remembered(self.name, opened) if name not in recorded]:
             raise AgentFailedError(
                 f"agent {self.name}: {method} opened {late[0]}, and a sweep keeps digests only of files that "
                 f"an agent opens while it is made; open it in __init__, or let its class say "

@@ -79,14 +79,15 @@ class OwnAgent:
         cannot be made.
         """
         given = {str(i): value for i, value in enumerate(self.positional)} | dict(self.named)
-        named = {
+        files = {
             key: digest(Path(value)) for key, value in given.items()
             if isinstance(value, str) and os.path.isfile(value)
         }  # fmt: skip
         found = self.find()
-        read = files_of(self.text, found, self.make)
-        files = {**{key: one for key, one in read.items() if one not in named.values()}, **named}
         known = {"driver": self.text, "source": source_digest(found), "files": files}
+        reads = files_of(self.text, found, self.make)
+        if reads := {name: one for name, one in reads.items() if one not in files.values()}:
+            known["reads"] = reads
         beside = imports_beside(found) | named_apart(import_source(self.source), found)
         return known | ({"imports": beside} if beside else {})
 

@@ -68,6 +68,22 @@ def not_remembered(name: str, opened: Opened) -> list[str]:
     return sorted(_opened_by(known.sources, opened).keys() - known.files.keys())
 
 
+def changed_files(name: str, recorded: Mapping[str, str]) -> list[str]:
+    """Which data files of the agent of that name, which was made here, are not what was `recorded` elsewhere
+    (name -> digest). Files that it did not open here count, too: what another agent has loaded may be kept.
+    """
+    known = _read[name]
+    roots = [folders_of(source)[0] for source in known.sources]
+    changed = []
+    for file, then in recorded.items():
+        places = (
+            [known.files[file]] if file in known.files else [*(root / file for root in roots), Path(file)]
+        )
+        if then not in {_digests({file: place})[file] for place in places}:
+            changed.append(file)
+    return changed
+
+
 def sources_of(*things: object) -> list[Path]:
     """The files (resolved) in which classes, functions or modules are written; none of RUDC's or Python's."""
     found: dict[Path, None] = {}

@@ -26,6 +26,7 @@ from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_
 from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
+    agent_reads,
     as_json,
     gone_on_with,
     manifest,
@@ -88,7 +89,12 @@ class SweepFolder:
             id(s): with_copies(s, copies) for s in {id(t.scenario): t.scenario for t in self.tasks}.values()
         }
         self.tasks = [
-            replace(task, scenario=own[id(task.scenario)], agent_digest=digests[task.agent])
+            replace(
+                task,
+                scenario=own[id(task.scenario)],
+                agent_digest=digests[task.agent],
+                agent_reads=agent_reads(content, task.agent),
+            )
             for task in self.tasks
         ]
         self._keep_finished()

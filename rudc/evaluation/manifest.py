@@ -115,17 +115,28 @@ def code_version() -> str:
 
 
 def agent_digest(name: str) -> str:
-    """16 hexadecimal digits that change with anything that decides what an agent does, its weights included.
-    Raises AgentError.
+    """16 hexadecimal digits that change with anything that decides what an agent does, its weights included,
+    but for the data files of `agent_reads`. Raises AgentError.
     """
     from rudc.agents.registry import agent_settings  # loads all that drives, which reading rows does not need
 
-    return _digest(agent_settings(name))
+    return _digest(_but_reads(agent_settings(name)))
 
 
 def agent_digests(content: Mapping[str, Any]) -> dict[str, str]:
     """The digests of all agents of a manifest, as they were when it was made."""
-    return {name: _digest(settings) for name, settings in content["configuration"]["agents"].items()}
+    agents = content["configuration"]["agents"]
+    return {name: _digest(_but_reads(settings)) for name, settings in agents.items()}
+
+
+def agent_reads(content: Mapping[str, Any], agent: str) -> dict[str, str]:
+    """Name -> digest of each data file that an agent of a manifest read when it was made."""
+    return content["configuration"]["agents"][agent].get("reads", {})
+
+
+def _but_reads(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Which files an agent reads may depend on what was loaded in its process before; settings do not."""
+    return {key: value for key, value in settings.items() if key != "reads"}
 
 
 def _digest(settings: Any) -> str:
@@ -251,7 +262,7 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
 
 _OF_AGENTS = {
     "code": re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\."),
-    "files": re.compile(r"agents\..*\.files[.:]"),
+    "files": re.compile(r"agents\..*\.(files|reads)[.:]"),
 }
 """what else may change an agent that is not RUDC's -> how a line of `_differences` about it begins"""
 _OF_CONTENT = re.compile(r"scenarios\..*\.digest$")

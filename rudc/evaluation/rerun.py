@@ -210,7 +210,7 @@ def agent_changes(agent: str, then: Mapping[str, Any], now: Mapping[str, Any]) -
     found = []
     if then.get("source") != now.get("source"):
         found.append(f"the source of the agent {agent} has changed since")
-    for part, how in (("imports", "imports"), ("files", "reads")):
+    for part, how in (("imports", "imports"), ("reads", "reads"), ("files", "is given")):
         before, here = then.get(part, {}), now.get(part, {})
         for name in {**before, **here}:
             if name not in before:
@@ -219,7 +219,7 @@ def agent_changes(agent: str, then: Mapping[str, Any], now: Mapping[str, Any]) -
                 found.append(f"the agent {agent} no longer {how} {name}")
             elif before[name] != here[name]:
                 found.append(f"{name}, which the agent {agent} {how}, has changed since")
-    known = ("source", "imports", "files")
+    known = ("source", "imports", "reads", "files")
     rest = [{key: value for key, value in told.items() if key not in known} for told in (then, now)]
     if rest[0] != rest[1]:
         found.append(f"the agent {agent} has other settings now")

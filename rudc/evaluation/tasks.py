@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rudc.agents.named import refuse_object
@@ -33,6 +33,8 @@ class Task:
     seed: int
     agent_digest: str = ""
     """digest of the agent's settings and weights when the sweep began; empty: not compared"""
+    agent_reads: Mapping[str, str] = field(default_factory=dict)
+    """name -> digest of each data file that an agent of one's own read when the sweep began"""
 
     def cells(self, parameters: Sequence[str]) -> list[str]:
         """Its swept values as text, one for each of the sweep's parameters, empty for those it has not."""

@@ -112,7 +112,7 @@ def write_weights(folder, value):
 )
 def test_which_files_are_recorded(folder, name, files):
     for _ in range(2):
-        assert list(agent_settings(f"{folder}/mine.py:{name}+ttcbf")["files"]) == files
+        assert list(agent_settings(f"{folder}/mine.py:{name}+ttcbf").get("reads", {})) == files
 
 
 def test_what_a_module_reads_as_it_is_imported_counts_whoever_imports_it_first(folder):
@@ -120,12 +120,13 @@ def test_what_a_module_reads_as_it_is_imported_counts_whoever_imports_it_first(f
     names = [f"{folder}/{file}.py:Imports" for file in ("mine", "also")]
     for name in names:
         make_agent(name)
-    assert [list(agent_settings(name)["files"]) for name in names] == [["net_beside.txt"]] * 2
+    assert [list(agent_settings(name)["reads"]) for name in names] == [["net_beside.txt"]] * 2
 
 
 def test_a_file_of_an_argument_counts_once(folder):
     name = f"{folder}/mine.py:Beside({str(folder / 'weights.npy')!r})"
     assert list(agent_settings(name)["files"]) == ["0"]
+    assert "reads" not in agent_settings(name)
 
 
 def test_a_changed_file_is_refused_by_its_name(folder, tmp_path):
@@ -133,27 +134,48 @@ def test_a_changed_file_is_refused_by_its_name(folder, tmp_path):
     plan = SweepPlan((load_scenario("dense_left_turn"),), (name,), 1, 0)
     before = json.loads(json.dumps(manifest(plan)))
     settings, known = agent_settings(name), agent_digest(name)
-    assert settings["files"] == {"weights.npy": digest(folder / "weights.npy")}
+    assert settings["reads"] == {"weights.npy": digest(folder / "weights.npy")}
     assert resumed(before, manifest(plan), tmp_path)["configuration"] == before["configuration"]
     write_weights(folder, 2.0)
-    with pytest.raises(SweepError, match=r"files\.weights\.npy: .*\n.*; rows of old and new files would mix"):
+    with pytest.raises(SweepError, match=r"reads\.weights\.npy: .*\n.*; rows of old and new files would mix"):
         resumed(before, manifest(plan), tmp_path)
     now = agent_settings(name)
     assert agent_changes("mine", settings, now) == [
         "weights.npy, which the agent mine reads, has changed since"
     ]
-    assert agent_changes("mine", {**settings, "files": {}}, now) == [
+    assert agent_changes("mine", {**settings, "reads": {}}, now) == [
         "the agent mine reads weights.npy, of which manifest.json says nothing"
     ]
-    assert agent_changes("mine", settings, {**now, "files": {}}) == [
+    assert agent_changes("mine", settings, {**now, "reads": {}}) == [
         "the agent mine no longer reads weights.npy"
     ]
     assert agent_changes("mine", {**now, "source": "0"}, now) == [
         "the source of the agent mine has changed since"
     ]
     assert agent_changes("mine", {**now, "outlook": {}}, now) == ["the agent mine has other settings now"]
-    record = EpisodeRunner()(Task(plan.scenarios[0], {}, name, 0, known))
-    assert "is no longer what it was when the sweep began" in record.error
+    record = EpisodeRunner()(Task(plan.scenarios[0], {}, name, 0, known, settings["reads"]))
+    assert "is no longer what it was when the sweep began: weights.npy has changed; put it" in record.error
+
+
+def test_what_another_agent_has_loaded_may_be_kept(folder):
+    """Which of the two opens the file depends on the order, and so on the worker."""
+    (folder / "shared.py").write_text(
+        AGENTS + "LOADED = {}\nclass Keeps(Slow):\n    def __init__(self, speed):\n"
+        "        if not LOADED: LOADED.update(weights=np.load(HERE / 'weights.npy'))\n"
+    )
+    first, second = (f"{folder}/shared.py:Keeps({speed})" for speed in (1, 2))
+    recorded = agent_settings(first)["reads"]
+    assert "reads" not in agent_settings(second)
+    scenario, runner = load_scenario("random_destination", {"episode.timeout": 1}), EpisodeRunner()
+    try:
+        for name, reads in ((first, {}), (second, recorded)):
+            assert runner(Task(scenario, {}, name, 0, agent_digest(name), reads)).error == ""
+        write_weights(folder, 2.0)
+        runner.close()
+        record = runner(Task(scenario, {}, second, 0, agent_digest(second), recorded))
+        assert "weights.npy has changed" in record.error
+    finally:
+        runner.close()
 
 
 def test_a_file_that_is_opened_later_is_refused_in_a_sweep_only(folder):
@@ -201,7 +223,7 @@ def test_files_of_a_registered_agent(folder, monkeypatch):
     monkeypatch.setattr(drivers, "_registered", {})
     monkeypatch.setenv("READ_BY_REGISTERED", "elsewhere.txt")
     drivers.register_agent("reading", Registered)
-    assert list(agent_settings("reading")["files"]) == ["elsewhere.txt"]
+    assert list(agent_settings("reading")["reads"]) == ["elsewhere.txt"]
 
 
 def test_a_file_that_is_opened_at_the_first_decision_is_refused_too(folder):
@@ -210,6 +232,6 @@ def test_a_file_that_is_opened_at_the_first_decision_is_refused_too(folder):
         + "class Lazy(Slow):\n    def act(self, scene): return len((HERE / 'late.txt').read_text()), 0.0\n"
     )
     agent = make_agent(f"{folder}/lazy.py:Lazy")
-    agent.remembered_only = True
+    agent.recorded = frozenset()
     with pytest.raises(AgentFailedError, match=r"act opened late\.txt"):
         agent.act(None)
