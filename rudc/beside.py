@@ -26,11 +26,7 @@ def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
     found. `named`: a string such as `"package.module:Class"`, by which an algorithm names a class, counts as
     an import too.
     """
-    root = home = path.resolve().parent
-    while (root / "__init__.py").is_file():
-        root, home = root.parent, root
-    if root == home and root.name in ("site-packages", "dist-packages"):
-        home = path.resolve()
+    root, home = folders_of(path)
     found: dict[str, str] = {}
     waiting = [path.resolve()]
     while waiting:
@@ -44,6 +40,18 @@ def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
         waiting += _imported_by(file, text, root, named)
         waiting += [package / "__init__.py" for package in file.parents if root in package.parents]
     return found
+
+
+def folders_of(path: Path) -> tuple[Path, Path]:
+    """For a Python file: the folder from which it is imported, and the place whose files belong to it: that
+    folder, or its package if it has one, or only the file itself if it lies alone among installed packages.
+    """
+    root = home = path.resolve().parent
+    while (root / "__init__.py").is_file():
+        root, home = root.parent, root
+    if root == home and root.name in ("site-packages", "dist-packages"):
+        home = path.resolve()
+    return root, home
 
 
 def _belongs(file: Path, root: Path, home: Path) -> bool:

@@ -27,7 +27,6 @@ import pickle
 import re
 import shlex
 import sys
-import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
@@ -38,9 +37,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from rudc.beside import code_beside, refuse_taken
+from rudc.beside import code_beside, folders_of, refuse_taken
 from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
+from rudc.reading import watched
+from rudc.tracebacks import place_of
 
 PREFIX = "rudc_own_"
 """beginning of the names of modules that are made from files"""
@@ -147,7 +148,7 @@ def found_at(place: str) -> Any:
 def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
     """The object that an installed package's entry point names. Raises `error` if the import fails."""
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched():
             return entry.load()
     except (Exception, SystemExit) as failed:
         package = entry.dist.name if entry.dist else "?"
@@ -246,14 +247,13 @@ def _arrived(sources: tuple[str, ...], pickled: bytes) -> Any:
 
 
 def in_words(error: BaseException) -> str:
-    """`ValueError: its message (file.py:12)`, with the line that raised it or, for a SyntaxError, the line
+    """`ValueError: its message (file.py:12)`, with its place (`place_of`) or, for a SyntaxError, the line
     that does not parse.
     """
     if isinstance(error, SyntaxError) and error.filename:
         return f"{type(error).__name__}: {error.msg} ({Path(error.filename).name}:{error.lineno})"
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}: {error}{place}"
+    place = place_of(error)
+    return f"{type(error).__name__}: {error}{f' ({place})' if place else ''}"
 
 
 def is_own(thing: Any) -> bool:
@@ -313,18 +313,29 @@ def _load(path: Path, _modified: int) -> ModuleType:
     refuse_taken(path)
     sys.modules[name] = module  # so that its dataclasses and pickles find it
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched():
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise InputError(f"{path} cannot be imported: {in_words(error)}") from error
+        raise InputError(f"{path} cannot be imported: {in_words(error)}{_by_module(path, error)}") from error
     return module
+
+
+def _by_module(path: Path, error: BaseException) -> str:
+    """What to do where a file's relative import failed; empty for other errors."""
+    if not isinstance(error, ImportError) or "attempted relative import" not in str(error):
+        return ""
+    root, home = folders_of(path)
+    if root == home:
+        return "; without an __init__.py beside it the file is in no package: import without the dots"
+    module = ".".join(path.relative_to(root).with_suffix("").parts)
+    return f"; the file is part of a package: name it as {module} (an agent: {module}:Class), in {root}"
 
 
 def _module(source: str) -> ModuleType:
     _importable(Path.cwd())
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched():
             return importlib.import_module(source)
     except ModuleNotFoundError as error:
         if error.name and (source == error.name or source.startswith(f"{error.name}.")):

@@ -176,17 +176,21 @@ def problems(
         key = ".".join(map(str, e["loc"]))
         if e["type"] == "extra_forbidden":
             key = next((k for k in given if k.startswith(f"{key}.")), key)
-            parts.append(f"there is no setting {key!r}{meant(key, keys) or _with_kind(key, values)}")
+            hint = meant(key, keys) or _with_kind(key, values)
+            parts.append(f"there is no setting {key!r}{hint}")
         else:
             parts.append((f"{key}: " if key else "") + e["msg"].removeprefix("Value error, "))
     return f"{what}: " + "; ".join(parts)
 
 
 def _with_kind(key: str, values: Tree | None) -> str:
-    """` with correction.kind=none`, where the key's section has a `kind`; else nothing."""
+    """` with correction.kind=none`, where the key's section has a `kind`; else nothing. With a filter, also
+    how settings of a barrier of one's own come there.
+    """
     section = key.rpartition(".")[0]
     kind = (_section(values, section) or {}).get("kind") if section else None
-    return f" with {section}.kind={kind}" if kind else ""
+    own = "; a barrier of your own comes with `rudc --import FILE.py COMMAND ...`" if kind == "cbf" else ""
+    return f" with {section}.kind={kind}{own}" if kind else ""
 
 
 def _put(values: Tree, key: str, value: Any) -> None:

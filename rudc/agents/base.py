@@ -71,16 +71,24 @@ def unfiltered(acceleration: float, steering: float) -> Decision:
 
 
 class Agent(Protocol):
-    """A driver of the ego vehicle. Keeps nothing from one episode to the next."""
+    """A driver of the ego vehicle. Keeps nothing from one episode to the next.
+
+    An agent of one's own needs `reset` and `act` only, and its `act` may answer just two numbers:
+    `make_agent` returns it with the rest (rudc/agents/guarded.py).
+    """
 
     @property
     def name(self) -> str:
-        """Its name in tables and in `rudc sweep --agent NAME`."""
+        """Its name in tables and in `rudc sweep --agent NAME`. One's own agents have the name by which
+        `make_agent` was asked for them; a `name` of their class is not looked at.
+        """
         ...
 
     @property
     def ego_driver(self) -> EgoDriver:
-        """Who drives: `agent`, or `sumo`: then SUMO itself drives, and what `act` returns is ignored."""
+        """Who drives: `agent`, or `sumo`: then SUMO itself drives, and what `act` returns is ignored. One's
+        own agents that do not say are `agent`.
+        """
         ...
 
     def reset(self, scene: Scene, seed: int) -> None:

@@ -21,6 +21,7 @@ from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance, Planner
 from rudc.agents.guarded import GuardedAgent
 from rudc.agents.own import OwnAgent, construct, imports_beside, named_apart, parse_own, source_digest
+from rudc.agents.own_files import files_of
 from rudc.agents.sumo import SumoDriver
 from rudc.errors import AgentError, InputError
 from rudc.imports import load_entry
@@ -93,7 +94,9 @@ def driver_summary(name: str) -> str:
 
 
 def driver_settings(name: str) -> dict[str, Any]:
-    """Everything besides its name that decides what the driver does; it can be written as JSON."""
+    """Everything besides its name that decides what the driver does; it can be written as JSON. Raises
+    AgentError if one that is not RUDC's cannot be made.
+    """
     if name in SHIPPED:
         return {"driver": name}
     if own := _own(name):
@@ -102,7 +105,10 @@ def driver_settings(name: str) -> dict[str, Any]:
     beside = {}
     if name not in _registered:
         beside = imports_beside(found) | named_apart(sys.modules[_installed()[name].module], found)
-    return {"driver": name, "source": source_digest(found)} | ({"imports": beside} if beside else {})
+    known: dict[str, Any] = {"driver": name, "source": source_digest(found)}
+    if reads := files_of(name, found, lambda: construct(found, name)):
+        known["reads"] = reads
+    return known | ({"imports": beside} if beside else {})
 
 
 def _own(name: str) -> OwnAgent | None:

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.agents.base import Agent, Decision
+from rudc.agents.own_files import not_remembered
 from rudc.agents.seat import Correction, Critics, Percentiles, Proposal
 from rudc.arrays import Array
 from rudc.env.action import numbers_of, two_numbers
 from rudc.errors import AgentFailedError
 from rudc.imports import ask_own, in_words, refused, shortened
+from rudc.reading import watched
 from rudc.safety.corrected import Corrected
 from rudc.world.config import EgoDriver
 from rudc.world.ego import within_limits
@@ -42,6 +44,15 @@ _STATED: dict[str, tuple[Callable[[Any], bool], str]] = {
 """optional part of a decision -> the check of its value, and a description of the values that are accepted"""
 
 
+_DETACH = "; what it answers requires grad: call .detach() on it, or compute it under torch.no_grad()"
+
+
+def _requires_grad(answer: Any) -> bool:
+    """Whether an answer is a tensor of torch that requires grad, or has one in it."""
+    parts = [answer, *answer] if isinstance(answer, list | tuple) else [answer]
+    return any(getattr(part, "requires_grad", False) is True for part in parts)
+
+
 class GuardedAgent:
     """An agent that is not RUDC's. Its methods raise AgentFailedError, with the agent's own exception, if
     any, as the cause.
@@ -51,9 +62,15 @@ class GuardedAgent:
         self.name = name
         self.ego_driver: EgoDriver = getattr(agent, "ego_driver", "agent")
         self.inner = agent
+        self.recorded: frozenset[str] | None = None
+        """names of its data files that a sweep's manifest records (rudc/agents/own_files.py): others are
+        refused that it opens in its first `reset` or `act` and did not open before; None: none is refused"""
+        self._called: set[str] = set()
+        self._begun = False
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset the agent."""
+        self._begun = True
         self._call("reset", scene, lambda: self.inner.reset(scene, seed))
 
     def act(self, scene: Scene) -> Decision:
@@ -78,17 +95,34 @@ class GuardedAgent:
         raise AgentFailedError(
             f"agent {self.name} at {scene.time_s:.1f} s: act answered {shortened(answer)}, where two finite "
             "numbers were expected (acceleration m/s2, front-wheel angle rad), or a Decision of them"
+            f"{_DETACH if _requires_grad(answer) else ''}"
         )
 
     def _call(self, method: str, scene: Scene, call: Callable[[], T]) -> T:
         try:
-            return call()
+            if self.recorded is None or method in self._called:
+                return call()
+            self._called.add(method)
+            return self._watched(method, call, self.recorded)
         except AgentFailedError:
             raise
         except (Exception, SystemExit) as error:
+            hint = "" if self._begun else "; reset(scene, seed) was never called before"
             raise AgentFailedError(
-                f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}"
+                f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}{hint}"
             ) from error
+
+    def _watched(self, method: str, call: Callable[[], T], recorded: frozenset[str]) -> T:
+        """The answer of a call in which no data file is opened that is neither recorded nor opened before."""
+        with watched() as opened:
+            answer = call()
+        if late := [name for name in not_remembered(self.name, opened) if name not in recorded]:
+            raise AgentFailedError(
+                f"agent {self.name}: {method} opened {late[0]}, and a sweep keeps digests only of files that "
+                f"an agent opens while it is made; open it in __init__, or let its class say "
+                f"reads = ({late[0]!r},)"
+            )
+        return answer
 
 
 class GuardedCorrection:

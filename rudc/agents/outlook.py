@@ -35,6 +35,7 @@ from rudc.agents.not_yielding import ready_for_not_yielding
 from rudc.agents.runners import ready_for_next_runners, ready_for_runners, ready_for_setting_off
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
+from rudc.errors import InputError
 from rudc.settings import Settings
 from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
@@ -124,17 +125,21 @@ class OutlookAgent:
     def __init__(self, driver: Agent, name: str, outlook: Outlook) -> None:
         self.name = name
         self.inner, self.outlook = driver, outlook
+        self._begun = False
         self._urged = [layer for layer in layers(driver) if isinstance(layer, Urged)]
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset outlook and driver."""
+        self._begun = True
         self.outlook.reset(scene)
         self.inner.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
         """The driver's decision in the scene that the outlook shows, its command within the outlook's
-        bounds.
+        bounds. Raises InputError where `reset` was never called.
         """
+        if not self._begun:
+            raise InputError(f"agent {self.name}: call reset(scene, seed) before its first act(scene)")
         clock = [time.perf_counter()]
         shown = self.outlook.see(scene)
         clock.append(time.perf_counter())

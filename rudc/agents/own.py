@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import hashlib
 import inspect
 import os
 import re
@@ -24,10 +23,12 @@ from types import ModuleType
 from typing import Any
 
 from rudc.agents.base import Agent
+from rudc.agents.own_files import digest, files_of, remember
 from rudc.beside import code_beside
 from rudc.errors import AgentError, RudcError
 from rudc.hints import did_you_mean, there_are
 from rudc.imports import import_source, in_words
+from rudc.reading import watched
 
 _NAME = re.compile(
     r"(?P<source>.+?\.py|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):(?P<attribute>[A-Za-z_]\w*)(?P<rest>$|[(+:].*)",
@@ -67,12 +68,15 @@ class OwnAgent:
 
     def make(self) -> Agent:
         """A new agent. Raises InputError if there is no such class, AgentError if it makes no agent."""
-        return construct(self.find(), self.text, self.positional, dict(self.named))
+        make = self.find()
+        return construct(make, self.text, self.positional, dict(self.named), import_source(self.source))
 
     def settings(self) -> dict[str, Any]:
         """Everything that decides what the agent does, to be written as JSON: its name, and digests of its
-        source, of the files that this imports from beside it, and of files that its arguments name. If the
-        named file only takes it from elsewhere, or makes it by a call, that file counts among the imports.
+        source, of the files that this imports from beside it, of the data files that it reads
+        (rudc/agents/own_files.py), and of files that its arguments name. If the named file only takes it from
+        elsewhere, or makes it by a call, that file counts among the imports. Raises AgentError if the agent
+        cannot be made.
         """
         given = {str(i): value for i, value in enumerate(self.positional)} | dict(self.named)
         files = {
@@ -81,6 +85,9 @@ class OwnAgent:
         }  # fmt: skip
         found = self.find()
         known = {"driver": self.text, "source": source_digest(found), "files": files}
+        reads = files_of(self.text, found, self.make)
+        if reads := {name: one for name, one in reads.items() if one not in files.values()}:
+            known["reads"] = reads
         beside = imports_beside(found) | named_apart(import_source(self.source), found)
         return known | ({"imports": beside} if beside else {})
 
@@ -99,9 +106,16 @@ def parse_own(name: str) -> tuple[OwnAgent, str] | None:
     return OwnAgent(match["source"], match["attribute"], positional, named, text), rest[len(inside) :]
 
 
-def construct(make: Callable[..., Any], name: str, positional: Any = (), named: Any = None) -> Agent:
-    """An agent made by a class (or function) that is not RUDC's. Raises AgentError if it cannot be made or
-    lacks a method. What it prints meanwhile goes to stderr: stdout is for results.
+def construct(
+    make: Callable[..., Any],
+    name: str,
+    positional: Any = (),
+    named: Any = None,
+    named_in: ModuleType | None = None,
+) -> Agent:
+    """An agent made by a class (or function) that is not RUDC's, and was found in the module `named_in`, if
+    any. Raises AgentError if it cannot be made or lacks a method. What it prints meanwhile goes to stderr:
+    stdout is for results.
     """
     named = named or {}
     with contextlib.suppress(ValueError):  # a class of C has no signature to be looked at
@@ -112,16 +126,43 @@ def construct(make: Callable[..., Any], name: str, positional: Any = (), named: 
             told = _unexpected(named, signature) or str(error)
             raise AgentError(f"agent {name}: {told}; its arguments are {signature}") from None
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), watched() as opened:
             agent = make(*positional, **named)
     except RudcError:
         raise
     except (Exception, SystemExit) as error:
-        raise AgentError(f"agent {name} cannot be made: {in_words(error)}") from error
+        told = f"{in_words(error)}{_where_it_is_looked_for(error)}"
+        raise AgentError(f"agent {name} cannot be made: {told}") from error
     for method, form in METHODS.items():
-        if not callable(getattr(agent, method, None)):
-            raise AgentError(f"agent {name} has no method {form}; see rudc/agents/base.py, or `examples/`")
+        _check_method(name, method, getattr(agent, method, None), form)
+    remember(name, make, agent, opened, named_in)
     return agent
+
+
+def _check_method(name: str, method: str, there: Any, form: str) -> None:
+    """Raise AgentError unless a method of an agent is there and can be called as `form` says."""
+    if not callable(there):
+        needs = " and ".join(METHODS.values())
+        raise AgentError(f"agent {name} has no method {form}; an agent needs {needs}: see `examples/`")
+    try:
+        signature = inspect.signature(there)
+    except (TypeError, ValueError):  # of C
+        return
+    try:
+        signature.bind(*form.partition("(")[2].split(", "))
+    except TypeError:
+        raise AgentError(f"agent {name}: its {method} takes {signature}, and is called as {form}") from None
+
+
+def _where_it_is_looked_for(error: BaseException) -> str:
+    """Where a file that was not found is looked for, if its path is relative; empty for other errors."""
+    path = getattr(error, "filename", None)
+    if not isinstance(error, FileNotFoundError) or not isinstance(path, str) or os.path.isabs(path):
+        return ""
+    return (
+        f"; that path is relative to the working folder, {Path.cwd()}; a file beside the agent's own is "
+        f"Path(__file__).with_name({os.path.basename(path)!r})"
+    )
 
 
 def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:
@@ -131,11 +172,6 @@ def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:
         return ""
     wrong = next((key for key in named if key not in known), None)
     return "" if wrong is None else f"unexpected keyword argument {wrong!r}{did_you_mean(wrong, known)}"
-
-
-def digest(file: Path) -> str:
-    """First 16 hexadecimal digits of the SHA-256 digest of a file's content."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def source_digest(thing: Any) -> str:
@@ -189,5 +225,6 @@ def _values(inside: str, name: str) -> tuple[tuple[Any, ...], tuple[tuple[str, A
         return tuple(ast.literal_eval(value) for value in call.args), named
     except (TypeError, ValueError):
         raise AgentError(
-            f"agent {name}: arguments are numbers, texts in quotes, True, False, None, or lists of them"
+            f"agent {name}: arguments are numbers, texts in quotes, True, False, None, or lists or "
+            "dictionaries of them"
         ) from None

@@ -8,6 +8,7 @@ Modules that only learnt agents need are imported when one is made.
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from rudc.agents.drivers import (
     make_driver,
 )
 from rudc.agents.filtered import FilteredAgent, filters
+from rudc.agents.named import refuse_object
 from rudc.agents.outlook import OutlookSettings, with_outlook
 from rudc.agents.variation import (
     Changes,
@@ -63,6 +65,7 @@ def make_agent(name: str) -> Agent:
     """A new agent of that name, place or checkpoint's folder. Raises AgentError, with a suggestion, if there
     is none.
     """
+    refuse_object(name)
     base, suffix, changes = _parts(name)
     shown, others = outlook_changes(changes)
     if is_driver(base):
@@ -136,6 +139,7 @@ def _parts(name: str) -> tuple[str, str, Changes]:
         base, (behind, text) = own[0], split(own[1])
         suffix = _suffix(behind, name)
     else:
+        _refuse_half_a_place(name)
         whole, text = split(name)
         base, suffix = _base(whole)
     if not text:
@@ -149,6 +153,21 @@ def _parts(name: str) -> tuple[str, str, Changes]:
             "your own stand in brackets: FILE.py:Class(speed=3)"
         )
     return base, suffix, parse(text)
+
+
+def _refuse_half_a_place(name: str) -> None:
+    """Raise AgentError for `agents/mine:Class` and `pkg/inner:Class` where `agents/mine.py:Class` or
+    `pkg.inner:Class` would be an agent's place.
+    """
+    source, _, rest = name.partition(":")
+    if not re.match(r"[A-Za-z_]\w*($|[(+:])", rest) or find_checkpoint(source) is not None:
+        return
+    file, package = Path(f"{source}.py"), Path(source)
+    inner = file.is_file() and (file.parent / "__init__.py").is_file()
+    if (inner or (package / "__init__.py").is_file()) and not package.is_absolute():
+        raise AgentError(f"no agent {name!r}; did you mean {'.'.join(package.parts)}:{rest}?")
+    if file.is_file():
+        raise AgentError(f"no agent {name!r}; did you mean {file}:{rest}?")
 
 
 def _lacks_value(name: str) -> bool:

@@ -36,7 +36,12 @@ def main() -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
         sys.exit(130)
+    except SystemExit as ended:
+        if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
+            print("interrupted", file=sys.stderr)  # nobody took it but typer, who says nothing
+        raise
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             print(f"error: {str(error)[:200]}...: give a shorter path", file=sys.stderr)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json
+from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json, warn
 from rudc.cli.options import Overrides, parse_overrides
 from rudc.cli.replay import MOST
 from rudc.errors import AgentFailedError, InputError, StorageError
@@ -89,6 +89,7 @@ def run(
     from rudc.reporting.html.page import check_page
     from rudc.reporting.replay.page import WHAT, save_replay
     from rudc.scenario import load_scenario
+    from rudc.tracebacks import own_traceback
     from rudc.world.fitting import misfits
 
     drivers = [make_agent(name) for name in agents or ["gap-acceptance"]]
@@ -112,13 +113,16 @@ def run(
     else:
         for one in driven:
             _show(one)
-    if replay is not None:
+    begun = all(one.begun for one in driven)
+    if replay is not None and begun:
         save_replay(replay, [one.page for one in driven])
     for written in (video, replay, steps, fcd):
-        if written is not None:
+        if written is not None and begun:
             note(f"{written} written")
     for one in driven:
         if one.failure is not None:
+            if said := own_traceback(one.failure.__cause__ or one.failure):
+                warn(said.rstrip())
             raise one.failure
 
 
@@ -176,12 +180,15 @@ class _Driven(NamedTuple):
     """what became of each"""
     page: dict[str, Any]
     """its recording; empty if there is to be no replay"""
+    begun: bool = True
+    """whether the agent decided anything; if not, there is nothing to be written but `record`"""
 
 
 def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driven:
     """Drive an episode, and write films and tables of it."""
     from rudc.env.episode import Episode
     from rudc.evaluation.film import Film
+    from rudc.evaluation.record import EpisodeRecord
     from rudc.evaluation.recording import Recording
     from rudc.evaluation.rollout import run_until_failure
     from rudc.evaluation.trace import Trace
@@ -211,9 +218,12 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
             for watcher in watchers:
                 watcher(scene, decision, result)
 
-        record, failure = run_until_failure(
-            episode, scenario.plan(seed), driver, options=options, watch=watch
-        )
+        plan = scenario.plan(seed)
+        try:
+            record, failure = run_until_failure(episode, plan, driver, options=options, watch=watch)
+        except AgentFailedError as error:
+            record = EpisodeRecord.failed(plan.scenario, driver.name, seed, str(error))
+            return _Driven(record, error, event_lines(world.plan, world.happenings()), {}, begun=False)
         events = event_lines(world.plan, world.happenings())
         page = recording.data(record) if files.replay else {}
     if files.fcd is not None:

@@ -79,7 +79,8 @@ def _tell(found: Verification) -> None:
     elif found.unfinished < len(found.other):
         typer.echo(
             "\nNothing that manifest.json names differs here: same inputs, versions and processor. Either "
-            "rows were edited, or an agent does not do the same twice"
+            "rows were edited, or an agent does not do the same twice, or a file has changed that an agent "
+            "reads and manifest.json does not name (its class can name it: reads = (...))"
         )
     if found.unfinished:
         typer.echo(

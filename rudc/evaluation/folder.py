@@ -26,6 +26,7 @@ from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_
 from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
+    agent_reads,
     as_json,
     gone_on_with,
     manifest,
@@ -77,9 +78,9 @@ class SweepFolder:
     def open(self, resume: bool) -> None:
         """Lock the folder for this sweep. Raises InputError when it is in use or cannot be made, SweepError
         when something else is in it."""
+        new = manifest(self._plan)  # refuses unknown agents, before there is a folder
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        new = manifest(self._plan)
         content = settled(self.path, new, resume, "finish the sweep", self._refuse_other_columns)
         self._take_order_of_columns()
         copies = keep_networks(self._plan, self.path)
@@ -88,7 +89,12 @@ class SweepFolder:
             id(s): with_copies(s, copies) for s in {id(t.scenario): t.scenario for t in self.tasks}.values()
         }
         self.tasks = [
-            replace(task, scenario=own[id(task.scenario)], agent_digest=digests[task.agent])
+            replace(
+                task,
+                scenario=own[id(task.scenario)],
+                agent_digest=digests[task.agent],
+                agent_reads=agent_reads(content, task.agent),
+            )
             for task in self.tasks
         ]
         self._keep_finished()
@@ -237,17 +243,18 @@ def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Me
     return "".join(map(format_row, lines))
 
 
-def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
+def read_sweep(path: str | Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
     """All rows of a sweep's folder and the names of its swept parameters, as `sweep_rows` has them."""
     rows = sweep_rows(path)
     return by_row(rows.blocks()), rows.parameters
 
 
-def sweep_rows(path: Path) -> SweepRows:
+def sweep_rows(path: str | Path) -> SweepRows:
     """The rows of a sweep's folder, read as they are used; without any row there are no columns. Columns that
     did not exist yet when the folder was written are empty; columns that are not known here, such as a user's
     own, stand after the known ones. Raises SweepError when it is not the folder of a sweep.
     """
+    path = Path(path)
     file = path / "episodes.csv"
     header, blocks = _read(path)
     if next(blocks, None) is None:

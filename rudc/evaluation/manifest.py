@@ -115,17 +115,28 @@ def code_version() -> str:
 
 
 def agent_digest(name: str) -> str:
-    """16 hexadecimal digits that change with anything that decides what an agent does, its weights included.
-    Raises AgentError.
+    """16 hexadecimal digits that change with anything that decides what an agent does, its weights included,
+    but for the data files of `agent_reads`. Raises AgentError.
     """
     from rudc.agents.registry import agent_settings  # loads all that drives, which reading rows does not need
 
-    return _digest(agent_settings(name))
+    return _digest(_but_reads(agent_settings(name)))
 
 
 def agent_digests(content: Mapping[str, Any]) -> dict[str, str]:
     """The digests of all agents of a manifest, as they were when it was made."""
-    return {name: _digest(settings) for name, settings in content["configuration"]["agents"].items()}
+    agents = content["configuration"]["agents"]
+    return {name: _digest(_but_reads(settings)) for name, settings in agents.items()}
+
+
+def agent_reads(content: Mapping[str, Any], agent: str) -> dict[str, str]:
+    """Name -> digest of each data file that an agent of a manifest read when it was made."""
+    return content["configuration"]["agents"][agent].get("reads", {})
+
+
+def _but_reads(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Which files an agent reads may depend on what was loaded in its process before; settings do not."""
+    return {key: value for key, value in settings.items() if key != "reads"}
 
 
 def _digest(settings: Any) -> str:
@@ -208,7 +219,8 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
         shown = "\n".join(f"  {line}" for line in differences[:12])
         more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
         what = "search" if "search" in there else "sweep"
-        mixed = "; rows of old and new code would mix" if any(map(_OF_CODE.match, differences)) else ""
+        kinds = [kind for kind, key in _OF_AGENTS.items() if any(map(key.match, differences))]
+        mixed = f"; rows of old and new {' and '.join(kinds)} would mix" if kinds else ""
         raise SweepError(
             f"{folder} holds another {what}; it differs in\n{shown}{more}\n"
             f"Give the same command as before to resume it, or another --out to start anew{mixed}"
@@ -248,8 +260,11 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
     return list(changes)
 
 
-_OF_CODE = re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\.")
-"""how a line of `_differences` begins if it is about code that is not RUDC's"""
+_OF_AGENTS = {
+    "code": re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\."),
+    "files": re.compile(r"agents\..*\.(files|reads)[.:]"),
+}
+"""what else may change an agent that is not RUDC's -> how a line of `_differences` about it begins"""
 _OF_CONTENT = re.compile(r"scenarios\..*\.digest$")
 """the keys of `_differences` of a scenario's digest, which depends on the content of its networks, too"""
 _NAMED = ("scenarios", "agents", "plugins")

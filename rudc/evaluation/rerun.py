@@ -189,8 +189,8 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
     settings = json.loads(json.dumps(_settings(agent)))
-    if settings != content["configuration"].get("agents", {}).get(agent, settings):
-        found.append(f"the agent {agent} has other settings now")
+    then = content["configuration"].get("agents", {}).get(agent, settings)
+    found += agent_changes(agent, then, settings)
     if content["configuration"].get("imported", {}) != sources_digests():
         found.append("--import names other files, or they have changed since")
     found += _plugin_changes(content["configuration"].get("plugins", {}), plugins())
@@ -200,6 +200,29 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     ]
     if told := version_changes(content):
         found.append(f"its rows come from several versions: {', '.join(told)}")
+    return found
+
+
+def agent_changes(agent: str, then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """A line for each thing in which an agent's settings (`agent_settings`) differ: its source, a file, or
+    anything else.
+    """
+    found = []
+    if then.get("source") != now.get("source"):
+        found.append(f"the source of the agent {agent} has changed since")
+    for part, how in (("imports", "imports"), ("reads", "reads"), ("files", "is given")):
+        before, here = then.get(part, {}), now.get(part, {})
+        for name in {**before, **here}:
+            if name not in before:
+                found.append(f"the agent {agent} {how} {name}, of which manifest.json says nothing")
+            elif name not in here:
+                found.append(f"the agent {agent} no longer {how} {name}")
+            elif before[name] != here[name]:
+                found.append(f"{name}, which the agent {agent} {how}, has changed since")
+    known = ("source", "imports", "reads", "files")
+    rest = [{key: value for key, value in told.items() if key not in known} for told in (then, now)]
+    if rest[0] != rest[1]:
+        found.append(f"the agent {agent} has other settings now")
     return found
 
 

@@ -7,12 +7,14 @@ import os
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from rudc.agents.base import Agent
+from rudc.agents.base import Agent, layers
+from rudc.agents.guarded import GuardedAgent
+from rudc.agents.own_files import changed_files
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError, PartFailedError, RudcError
@@ -82,6 +84,10 @@ class EpisodeRunner:
                     f"agent {task.agent} is no longer what it was when the sweep began: a file of it was "
                     "replaced; put it back and --resume, or give another --out"
                 )
+            for own in (layer for layer in layers(agent) if isinstance(layer, GuardedAgent)):
+                if task.agent_digest:
+                    _hold_to(own, task.agent_reads)
+                    break  # what others that it wraps open is among it
             self._agents[task.agent] = agent
         return self._agents[task.agent], self._world_of(task)
 
@@ -109,6 +115,18 @@ class EpisodeRunner:
             self._end_world()
             self._world, self._network = World(network), wanted
         return self._world
+
+
+def _hold_to(agent: GuardedAgent, recorded: Mapping[str, str]) -> None:
+    """Have an agent read only what a sweep's manifest records (name -> digest). Raises AgentError where a
+    file has changed since.
+    """
+    if changed := changed_files(agent.name, recorded):
+        raise AgentError(
+            f"agent {agent.name} is no longer what it was when the sweep began: {changed[0]} has changed; "
+            "put it back and --resume, or give another --out"
+        )
+    agent.recorded = frozenset(recorded)
 
 
 class _OutOfTime(BaseException):

@@ -35,9 +35,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rudc.arrays import Array
-from rudc.evaluation.statistics import SEED, mcnemar, mean_interval, paired_change, wilson
+from rudc.errors import InputError
+from rudc.evaluation.statistics import SEED, mcnemar, mean_interval, paired_change, row_of_numbers, wilson
 
 RESAMPLES = 2_000
 Cells = Mapping[tuple[int, str], Array]
@@ -121,18 +123,30 @@ def paired(new: Cells, old: Cells, *, rate: bool = False) -> Paired:
 
 
 def paired_rate(new: Sequence[bool], old: Sequence[bool]) -> Paired:
-    """Percentage points by which `new` has it in more of the same episodes than `old`."""
-    both = list(zip(new, old, strict=True))
+    """Percentage points by which `new` has it in more of the same episodes than `old`. Raises InputError
+    unless both have as many.
+    """
+    _refuse_unpaired("paired_rate", len(new), len(old))
+    both = [(bool(a), bool(b)) for a, b in zip(new, old, strict=True)]
     more, less = both.count((True, False)), both.count((False, True))
     return Paired(len(both), *paired_change(len(both), more, less), more, less, mcnemar(more, less))
 
 
-def paired_mean(new: Array, old: Array) -> Paired:
-    """Mean of new - old, (n,) each in the same episodes; pairs of which one is nan count as not there."""
-    change = new - old
+def paired_mean(new: ArrayLike, old: ArrayLike) -> Paired:
+    """Mean of new - old, (n,) each in the same episodes; pairs of which one is nan count as not there. Raises
+    InputError unless both are numbers in a row, as many of each.
+    """
+    one, other = row_of_numbers(new, "paired_mean"), row_of_numbers(old, "paired_mean")
+    _refuse_unpaired("paired_mean", len(one), len(other))
+    change = one - other
     change = change[~np.isnan(change)]
     mean = float(change.mean()) if len(change) else math.nan
     return Paired(len(change), mean, *mean_interval(change), 0, 0, math.nan)
+
+
+def _refuse_unpaired(what: str, new: int, old: int) -> None:
+    if new != old:
+        raise InputError(f"{what}: {new} values and {old}; pairs are of the same episodes, in one order")
 
 
 def _mean(values: Array | None) -> float:
@@ -181,5 +195,6 @@ def _at_least_wilsons(ends: tuple[float, float], cells: Sequence[Array]) -> tupl
     """In percent. The interval, or Wilson's where that reaches farther."""
     n = len(cells) ** 2 / sum(1 / len(values) for values in cells)
     happened = n * sum(np.count_nonzero(values) / len(values) for values in cells) / len(cells)
-    low, high = wilson(round(happened, 9), round(n, 9))  # whole numbers where cells are equal
+    n, happened = round(n, 9), round(happened, 9)  # whole numbers where cells are equal
+    low, high = wilson(min(happened, n), n)
     return float(np.fmin(ends[0], 100 * low)), float(np.fmax(ends[1], 100 * high))

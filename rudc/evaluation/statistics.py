@@ -27,8 +27,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rudc.arrays import Array, Flags
+from rudc.errors import InputError
+from rudc.imports import shortened
 
 Z = 1.959963984540054
 """normal quantile of 0.975"""
@@ -55,8 +58,12 @@ class Summary(NamedTuple):
 
 def wilson(successes: float, trials: float) -> tuple[float, float]:
     """Ends of the 95 % interval of a rate, in [0, 1]; (nan, nan) without trials. Neither needs to be a whole
-    number (rudc/evaluation/seeds.py).
+    number (rudc/evaluation/seeds.py). Raises InputError unless 0 <= successes <= trials.
     """
+    if not 0 <= successes <= trials:
+        raise InputError(
+            f"wilson: {successes:g} successes of {trials:g} trials; give 0 <= successes <= trials"
+        )
     if trials == 0:
         return math.nan, math.nan
     rate, shrink = successes / trials, 1.0 + Z**2 / trials
@@ -72,12 +79,28 @@ Sample = tuple[Array, Array | None]
 
 
 def mean_interval(
-    values: Array, resamples: int = RESAMPLES, seed: int = SEED, *, over: Array | None = None
+    values: ArrayLike, resamples: int = RESAMPLES, seed: int = SEED, *, over: ArrayLike | None = None
 ) -> tuple[float, float]:
     """Ends of the 95 % interval of the mean of values (n,), or of their sum divided by that of `over` (n,);
-    (nan, nan) where there are too few to tell.
+    (nan, nan) where there are too few to tell. Raises InputError for anything but numbers in a row, and where
+    `over` has more or fewer than `values`.
     """
-    return mean_intervals([(values, over)], resamples, seed)[0]
+    numbers = row_of_numbers(values, "mean_interval")
+    divisors = None if over is None else row_of_numbers(over, "mean_interval: over")
+    if divisors is not None and len(divisors) != len(numbers):
+        raise InputError(f"mean_interval: {len(numbers)} values over {len(divisors)}; give as many of each")
+    return mean_intervals([(numbers, divisors)], resamples, seed)[0]
+
+
+def row_of_numbers(values: ArrayLike, what: str) -> Array:
+    """(n,) numbers that a user gave as any sequence. Raises InputError, which calls them `what`."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty(())
+    if numbers.ndim != 1:
+        raise InputError(f"{what}: give numbers in a row, (n,), not {shortened(values)}")
+    return numbers
 
 
 def mean_intervals(

@@ -82,7 +82,7 @@ class SweepResult:
 
 def run_sweep(
     plan: SweepPlan,
-    out: Path,
+    out: str | Path,
     make_runner: RunnerFactory,
     *,
     workers: int = 1,
@@ -105,7 +105,7 @@ def run_sweep(
         raise InputError(f"no engine {engine!r}{there_are(engine, ENGINES)}")
     chosen = ENGINES[engine]
     make_runner = prepared(make_runner, plan.agents)
-    with chosen.connected(), SweepFolder(out, plan) as folder:
+    with chosen.connected(), SweepFolder(Path(out), plan) as folder:
         folder.open(resume)
         with kept_rows():
             return _finish(folder, workers, chosen, limit_s, make_runner, progress or Silent())

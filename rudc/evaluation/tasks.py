@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from rudc.agents.named import refuse_object
 from rudc.errors import SweepError
 from rudc.evaluation.record import as_text
+from rudc.imports import shortened
 from rudc.scenario.dotted import value_text
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ class Task:
     seed: int
     agent_digest: str = ""
     """digest of the agent's settings and weights when the sweep began; empty: not compared"""
+    agent_reads: Mapping[str, str] = field(default_factory=dict)
+    """name -> digest of each data file that an agent of one's own read when the sweep began"""
 
     def cells(self, parameters: Sequence[str]) -> list[str]:
         """Its swept values as text, one for each of the sweep's parameters, empty for those it has not."""
@@ -52,6 +56,12 @@ def refuse_twice(what: str, names: Sequence[str]) -> None:
         raise SweepError(f"{what} {twice[0]!r} is given more than once; give each a name of its own")
 
 
+def _refuse_single(what: str, given: object, instead: str) -> None:
+    """Raise SweepError for one thing where several are wanted; `instead`: what should be given."""
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise SweepError(f"`{what}` of a sweep is a tuple of them, not {shortened(given)}: {instead}")
+
+
 @dataclass(frozen=True)
 class SweepPlan:
     """Everything that decides a sweep's rows."""
@@ -65,6 +75,14 @@ class SweepPlan:
     pairs"""
 
     def __post_init__(self) -> None:
+        _refuse_single("scenarios", self.scenarios, "find_scenarios([NAME, ...]) gives them")
+        _refuse_single("agents", self.agents, f"({self.agents!r},)")
+        for agent in self.agents:
+            refuse_object(agent)
+        if wrong := [s for s in self.scenarios if not hasattr(s, "grid")]:
+            raise SweepError(
+                f"{shortened(wrong[0])} is no scenario: find_scenarios([NAME, ...]) gives a list of them"
+            )
         for what, names in (
             ("scenario", [s.name for s in self.scenarios]),
             ("agent", list(map(as_text, self.agents))),

@@ -49,14 +49,20 @@ class GuardedBarrier(Barrier):
         )
 
     def terms(self, scene: Scene, found: Found) -> Terms:
-        """The barrier's own answer; each array must have one number for each name."""
+        """The barrier's own answer; each array must have one finite number for each name."""
         terms: Any = self._ask("terms", scene, lambda: self.inner.terms(scene, found))
         if not isinstance(terms, Terms):
             raise refused(self._who, scene.time_s, "terms", shortened(terms), "`Terms`")
         wanted = (len(found.names),)
         for array in terms if terms.lg_a is not None else terms[:9]:
             if not (type(array) is np.ndarray and array.shape == wanted and array.dtype is _FLOAT):
-                return self._mended(scene, terms, wanted)
+                terms = self._mended(scene, terms, wanted)
+                break
+        if not np.isfinite([array for array in terms if array is not None]).all():
+            name, array = next(
+                (n, a) for n, a in terms._asdict().items() if a is not None and not _all_finite(a)
+            )
+            raise refused(self._who, scene.time_s, "terms", f"{name} = {shortened(array)}", "finite numbers")
         return terms
 
     def in_conflict(self, scene: Scene, found: Found) -> Flags:
@@ -175,6 +181,10 @@ def refuse_alike(scene: Scene, barriers: Iterable[Barrier], names: Sequence[str]
         raise refused(who, scene.time_s, "find", f"the name {alike[0]!r} twice", "a name of its own for each")
 
 
+def _all_finite(array: Array) -> bool:
+    return bool(np.isfinite(array).all())
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and math.isfinite(value)
 
@@ -184,7 +194,7 @@ def _is_finite(array: Any, shape: tuple[int, ...]) -> bool:
         isinstance(array, np.ndarray)
         and array.shape == shape
         and array.dtype is _FLOAT
-        and bool(np.isfinite(array).all())
+        and _all_finite(array)
     )
 
 

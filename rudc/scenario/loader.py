@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path as File
 from typing import Any
 
@@ -68,9 +69,11 @@ def find_scenarios(
     """The scenarios that shipped names, paths and globs stand for, each once, in the order given.
 
     `overrides`: other values at some dotted keys of all of them; those of a list are swept. `fit` as in
-    `load_scenario`. Raises ScenarioError with every problem of every file, and when two files have the same
-    `name`.
+    `load_scenario`. Raises ScenarioError with every problem of every file, when two files have the same
+    `name`, and for a text instead of a list of them.
     """
+    if isinstance(patterns, str | PathLike):
+        raise ScenarioError(f"scenarios are given as a list of names: ['{patterns}'], not '{patterns}'")
     found: dict[str, Scenario] = {}
     failures: list[str] = []
     grid = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}

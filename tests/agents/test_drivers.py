@@ -150,7 +150,9 @@ def test_sumo_leaves_the_wheel_to_sumo(scene_on):
 
 def test_settings_change_with_the_file_that_an_entry_point_names(tmp_path, monkeypatch):
     """Also where that file takes the class from another."""
-    (tmp_path / "within_it.py").write_text("class Calm:\n    pass\n", encoding="utf-8")
+    (tmp_path / "within_it.py").write_text(
+        "class Calm:\n    reset = act = lambda *_: None\n", encoding="utf-8"
+    )
     offer(tmp_path, "[rudc.agents]\ncalm = outside_it:Calm\n")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(drivers, "_installed", drivers._installed.__wrapped__)

@@ -69,6 +69,10 @@ def test_a_learnt_agents_configuration_is_varied():
         ("gap-acceptance+ttcbf:correction.rule=ecbf", "is said by +ttcbf"),
         ("gap-acceptance:correction.d_safe=1", "has no filter"),
         ("rudc-wo-cbf:correction.d_safe=1", "there is no setting 'correction.d_safe'"),
+        (
+            "follower+ttcbf:correction.pedroom=1",
+            "'correction.pedroom' with correction.kind=cbf; a barrier of your own comes with `rudc --",
+        ),
         ("rudc-t:learner.n_step=1", "give it to `rudc train --set`"),
         ("rudc-t:d_safe=1", "did you mean 'correction.d_safe'"),
         ("rudc-t:filter=off", "it is called correction.kind"),

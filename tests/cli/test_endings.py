@@ -44,6 +44,16 @@ def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, numbe
     assert "Traceback" not in told
 
 
+def test_a_run_that_is_interrupted_says_so(rudc, tmp_path):
+    """By Ctrl-C, or by its agent."""
+    (tmp_path / "ends.py").write_text(
+        "class Ends:\n    def reset(self, scene, seed): ...\n"
+        "    def act(self, scene): raise KeyboardInterrupt\n"
+    )
+    answer = rudc("run", "random_destination", "-a", "ends.py:Ends")
+    assert (answer.status, answer.out, answer.err) == (130, "", "interrupted\n")
+
+
 @pytest.mark.slow
 def test_a_training_that_is_ended_says_what_is_kept(tmp_path):
     """Its workers hear the signal, too, as where a terminal closes. SIGTERM: the test below."""

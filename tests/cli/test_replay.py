@@ -1,6 +1,7 @@
 """`rudc run --replay` and `rudc replay`."""
 
 import csv
+import json
 import shutil
 
 import pytest
@@ -88,8 +89,21 @@ def test_a_run_keeps_what_came_before_its_agent_failed(rudc, tmp_path):
     assert '"frames":10,' in (tmp_path / "s.html").read_text(encoding="utf-8")
     assert (tmp_path / "s.gif").exists()
     assert (tmp_path / "s.xml").exists()
-    answer = rudc("run", "random_destination", "-a", "fails.py:Fails", *files[:4])
-    assert (answer.status, answer.out) == (1, "")
+    assert answer.err.count("Traceback") == 1
+    assert 'fails.py", line 8, in act' in answer.err
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_run_whose_agent_fails_is_told_alike_whenever_it_fails(rudc, tmp_path, seed):
+    (tmp_path / "fails.py").write_text(FAILS)
+    answer = rudc(
+        "run", "random_destination", "-a", "fails.py:Fails", "--seed", seed, "--json", "--replay", "s.html"
+    )
+    (told,) = json.loads(answer.out)
+    assert (answer.status, told["seed"]) == (1, seed)
+    assert told["error"].endswith(f"at {seed:.1f} s: act raised ValueError: enough (fails.py:8)")
+    assert answer.err.splitlines()[-1] == f"error: {told['error']}"
+    assert (tmp_path / "s.html").exists() == ("s.html written" in answer.err) == (seed == 1)
 
 
 def test_an_episode_of_a_sweep_comes_out_the_same(rudc, swept, tmp_path):

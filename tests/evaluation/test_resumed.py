@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from rudc.errors import SweepError
+from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.manifest import as_json, resumed, version_changes
+from rudc.evaluation.sweep import run_sweep
 
 
 def _manifest(**agents):
@@ -91,3 +93,8 @@ def test_a_digest_that_is_no_scenario_s_is_told_like_any_other_value():
         made["configuration"]["plugins"] = {"mine": {"mine.digest": digest}}
     with pytest.raises(SweepError, match=r'plugins\.mine\.mine\.digest: "12ab" there, "34cd" here'):
         resumed(there, here, Path("out"))
+
+
+def test_a_folder_may_be_given_as_text(fakes, make_plan, tmp_path):
+    rows = run_sweep(make_plan(episodes=1), str(tmp_path / "out"), fakes.Runner).rows
+    assert read_sweep(str(tmp_path / "out"))[0] == rows

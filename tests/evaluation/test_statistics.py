@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from rudc.errors import InputError
+from rudc.evaluation.seeds import paired_mean, paired_rate
 from rudc.evaluation.statistics import (
     NORMAL_FROM,
     RESAMPLES,
@@ -183,3 +185,35 @@ def test_change_of_pairs():
     _, low, high = paired_change(10, 0, 0)
     assert low == -high < -10.0  # ten alike episodes prove little
     assert all(math.isnan(value) for value in paired_change(0, 0, 0))
+
+
+def test_any_sequence_of_numbers_has_a_mean():
+    assert mean_interval([1, 2, 3]) == mean_interval((1.0, 2.0, 3.0)) == student(np.array([1.0, 2.0, 3.0]))
+    assert mean_interval([1, 2, 4], over=[1, 1, 2]) == mean_interval(
+        np.array([1.0, 2.0, 4.0]), over=np.array([1.0, 1.0, 2.0])
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: wilson(5, 3), "wilson: 5 successes of 3 trials"),
+        (lambda: wilson(-1, 3), "give 0 <= successes <= trials"),
+        (lambda: mean_interval("123"), "give numbers in a row"),
+        (lambda: mean_interval([[1, 2], [3, 4]]), r"give numbers in a row, \(n,\), not \[\[1, 2"),
+        (lambda: mean_interval(3.0), "give numbers in a row"),
+        (lambda: mean_interval([1, 2], over=[1]), "2 values over 1; give as many of each"),
+        (lambda: paired_rate([True], [True, False]), "paired_rate: 1 values and 2; pairs are of the same"),
+        (lambda: paired_mean([1.0], [1.0, 2.0]), "paired_mean: 1 values and 2; pairs are of the same"),
+        (lambda: paired_mean(["a"], [1.0]), "paired_mean: give numbers in a row"),
+    ],
+)  # fmt: skip
+def test_what_has_no_interval_is_refused(call, told):
+    with pytest.raises(InputError, match=told):
+        call()
+
+
+def test_pairs_may_be_lists_or_arrays():
+    assert paired_mean([1, 2, 3], [2, 3, 5]) == paired_mean(np.array([1.0, 2, 3]), np.array([2.0, 3, 5]))
+    flags = [True, False, True], [False, False, True]
+    assert paired_rate(*map(np.array, flags)) == paired_rate(*flags)

@@ -131,7 +131,9 @@ def test_failed_episodes_have_a_row_and_are_run_again_on_resume(fakes, make_plan
 
 @pytest.mark.parametrize("between", ["  ", "\n"], ids=["two blanks", "a line break"])
 def test_an_agents_name_may_have_any_blanks_in_it(fakes, make_plan, tmp_path, between):
-    (tmp_path / "my.py").write_text("class Slow:\n    def __init__(self, speed, gain): pass\n")
+    (tmp_path / "my.py").write_text(
+        "class Slow:\n    reset = act = lambda *_: None\n    def __init__(self, speed, gain): pass\n"
+    )
     name = f"{tmp_path / 'my.py'}:Slow(speed=3,{between}gain=2)"
     plan = make_plan(agents=("follower", name))
     rows = run_sweep(plan, tmp_path / "out", fakes.Runner).rows
@@ -251,6 +253,12 @@ def test_a_folder_with_something_in_it_is_refused(fakes, make_plan, tmp_path):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_an_agent_that_is_not_there_leaves_no_folder(fakes, make_plan, tmp_path):
+    with pytest.raises(InputError, match="did you mean 'planner'"):
+        run_sweep(make_plan(agents=("plannr",)), tmp_path / "out", fakes.Runner)
+    assert not (tmp_path / "out").exists()
+
+
 def test_where_no_folder_can_be_is_said(fakes, make_plan, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"file is a file; give another folder"):
@@ -350,6 +358,28 @@ def test_an_engine_that_raises_is_named_and_what_it_did_is_kept(make_plan, fakes
     ):
         run_sweep(make_plan(), tmp_path / "out", fakes.Runner, engine="half")
     assert len(read_sweep(tmp_path / "out")[0]) == 1
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "agents", "told"),
+    [
+        (("fog",), "planner", "`agents` of a sweep is a tuple of them, not 'planner': ('planner',)"),
+        ("fog", ("planner",), "`scenarios` of a sweep is a tuple of them, not 'fog': find_scenarios("),
+        (("fog",), ("planner", object), "give one of your own a name, rudc.register_agent("),
+        (("fog",), (b"planner",), "an agent is given by its name, not as b'planner'"),
+    ],
+)
+def test_one_thing_instead_of_several_is_refused(scenarios, agents, told):
+    with pytest.raises(InputError) as caught:
+        SweepPlan(scenarios if isinstance(scenarios, str) else tuple(find_scenarios(scenarios)), agents, 1, 0)
+    assert told in str(caught.value)
+
+
+def test_names_are_no_scenarios():
+    with pytest.raises(SweepError, match=r"'fog' is no scenario: find_scenarios\(\[NAME, ...\]\) gives"):
+        SweepPlan(("fog",), ("planner",), 1, 0)
+    with pytest.raises(InputError, match=r"scenarios are given as a list of names: \['fog'\], not 'fog'"):
+        find_scenarios("fog")
 
 
 def test_nonsense_is_refused(make_plan, fakes, tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rudc.errors import PartFailedError, SolverError
+from rudc.errors import PartFailedError
 from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Clearance
@@ -101,6 +101,8 @@ def test_a_wrong_shape_is_refused(monkeypatch, field):
         (answered("find", None), "find answered None"),
         (answered("terms", [0.0] * 9), "expected `Terms`"),
         (terms_with(lf=np.array([1j])), "lf = array([0.+1.j]); expected an array of numbers"),
+        (terms_with(lf=np.array([np.nan])), "terms answered lf = array([nan]); expected finite numbers"),
+        (terms_with(h=[np.inf]), "terms answered h = array([inf]); expected finite numbers"),
         (terms_with(lf=None), "terms answered lf = None"),
         (terms_with(lf=["0"]), "terms answered lf = ['0']"),
         (answered("find", Found(("limit",))), "barriers vehicle, road, far, limit at 0.0 s: find"),
@@ -130,7 +132,8 @@ def test_rows_that_are_unknown_on_the_path_are_refused(monkeypatch):
             return replace(scene, ego=replace(scene.ego, v=math.nan))
 
     guarded = with_barriers(monkeypatch, Lost)
-    with pytest.raises(SolverError, match="the filter's rows are not finite for limit"):
+    told = r"barrier limit at 0\.0 s: terms answered h = array\(\[nan\]\); expected finite numbers"
+    with pytest.raises(PartFailedError, match=told):
         guarded.filter(make_scene(v=5.0), np.zeros(2))
 
 

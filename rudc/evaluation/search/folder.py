@@ -15,6 +15,7 @@ from rudc.evaluation.folder import keep_traceback, settled, with_versions
 from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
+    agent_reads,
     as_json,
     manifest,
 )
@@ -58,6 +59,7 @@ class SearchFolder:
         self.scenario = plan.scenario
         """on the folder's copy of its network, once it is open"""
         self.agent_digest = ""
+        self.agent_reads: dict[str, str] = {}
         self.warnings: list[str] = []
         self.rows: dict[int, dict[str, str]] = {}
         """seed -> row, of the episodes that are there"""
@@ -81,12 +83,13 @@ class SearchFolder:
         """Lock the folder for this search. Raises InputError when it is in use or cannot be made, SweepError
         when something else is in it.
         """
+        new = self._content()  # refuses an unknown agent, before there is a folder
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        new = self._content()
         content = settled(self.path, new, resume, "go on with the search", self._refuse_others)
         self.scenario = with_copies(self.scenario, keep_networks(self._plan.sweep(), self.path))
         self.agent_digest = agent_digests(content)[self._plan.agent]
+        self.agent_reads = agent_reads(content, self._plan.agent)
         self._read()
         left = len(self.rows) < self._plan.episodes
         content = with_versions(self.path, content, new["versions"] if left else None, self.warnings)

@@ -111,7 +111,14 @@ def _try(
     """Run those episodes of a batch that have no row; its first has the seed `first`."""
     values = [plan.space.values(z) for z in batch.z]
     todo = [
-        Task(plan.space.fixed(folder.scenario, those), {}, plan.agent, first + k, folder.agent_digest)
+        Task(
+            plan.space.fixed(folder.scenario, those),
+            {},
+            plan.agent,
+            first + k,
+            folder.agent_digest,
+            folder.agent_reads,
+        )
         for k, those in enumerate(values)
         if not folder.known(first + k, those, float(batch.weights[k]))
     ]
