@@ -93,7 +93,8 @@ wrong way
 ASIDE = 1.0
 """m, gap to the way of somebody who comes the wrong way that the ego keeps while it lets that vehicle pass"""
 JUST_IN = 1.0
-"""m: an ego that creeps, and whose front is on others' ground by less than this, still gives way there"""
+"""m: an ego that creeps, and whose front is on others' ground by less than this, still gives way there, but
+for in the junction, where it would be in the way"""
 AT_LINE = 0.3
 """m, kept before the place where the ego has to stop"""
 STEEPEST = 0.6
@@ -375,12 +376,13 @@ def _entry(scene: Scene, route: Route, profile: Array) -> float:
     if found is None:
         return math.inf
     least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
-    begun = JUST_IN if scene.ego.v < CREEPS else 0.0
+    front, stop, exit_s = scene.front_s, scene.route.stop_line_s, scene.route.exit_s
+    begun = JUST_IN if scene.ego.v < CREEPS and not stop < front < exit_s else 0.0
     rooms = found.ego_in[~suffices(scene, found, profile) & (found.ego_in > least - begun)]
     if not len(rooms):
         return math.inf
-    room, front = float(rooms.min()), scene.front_s
+    room = float(rooms.min())
     waiting = scene.route.waiting_s - front
-    if scene.route.stop_line_s < front + room < scene.route.exit_s and waiting > least - AT_LINE:
+    if stop < front + room < exit_s and waiting > least - AT_LINE:
         room = min(room, waiting)
     return max(room - AT_LINE, 0.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.courses import Courses, along
+from rudc.agents.courses import Courses, _entry, along
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, PULLS_OUT, crossing, entering, suffices
 from rudc.env.tracking import RESPONSE_S, speeds_in_bends
@@ -197,3 +197,30 @@ def test_the_ego_waits_for_wider_ones_farther_from_their_ground(make_scene, four
     assert before[1.8] - before[2.5] == pytest.approx(PULLS_OUT * (2.5 - own))
     assert own >= 1.8
     assert len(after) == 1, "it leaves their ground where it does"
+
+
+def test_who_has_crept_onto_others_ground_a_little_still_gives_way_there(make_scene, four_way, rows):
+    """It drove off before a car that came at 15 m/s since its front was 1 mm over the line."""
+    body, route = truck(four_way), four_way.route("south", "straight")
+    standing = Rectangles(np.array([body["at"][:2]]), np.array([body["at"][2]]), np.array([body["size"]]))
+    nobody = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
+    scene = make_scene({"row": rows[1], "s": 60.0, "v": 15.0}, front=-40.0)
+    course = CoursePlanner(four_way, route, scene.vehicle).plan(
+        scene.ego_s, 0.0, 0.0, standing, nobody, nobody
+    )
+    assert course is not None
+    shown = along(scene, course)
+    found = entering(shown, route)
+    assert found is not None
+    line = shown.ego_s + float(found.ego_in[0])
+
+    def room(beyond, v, where=course):
+        ego = replace(shown.ego, v=v)
+        there = replace(shown, ego_s=line + beyond, ego=ego, route=where)
+        return _entry(there, route, np.full(len(course.path.s), 15.0))
+
+    assert room(-2.0, 0.0) == pytest.approx(2.0 - 0.3)
+    assert room(0.5, 0.0) == room(0.5, 1.0) == 0.0
+    assert room(0.5, 3.0) == room(1.5, 0.0) == math.inf
+    in_the_junction = replace(course, stop_line_s=0.0, exit_s=course.length)
+    assert room(0.5, 0.0, in_the_junction) == math.inf
