@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.agents.base import Agent, Decision
-from rudc.agents.own_files import not_remembered
+from rudc.agents.own_files import not_remembered, read_late
 from rudc.agents.seat import Correction, Critics, Percentiles, Proposal
 from rudc.arrays import Array
 from rudc.env.action import numbers_of, two_numbers
@@ -117,11 +117,12 @@ class GuardedAgent:
         with watched() as opened:
             answer = call()
         if late := [name for name in not_remembered(self.name, opened) if name not in recorded]:
-            raise AgentFailedError(
+            read_late[self.name] = (
                 f"agent {self.name}: {method} opened {late[0]}, and a sweep keeps digests only of files that "
                 f"an agent opens while it is made; open it in __init__, or let its class say "
                 f"reads = ({late[0]!r},)"
             )
+            raise AgentFailedError(read_late[self.name])
         return answer
 
 

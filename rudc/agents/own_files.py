@@ -14,7 +14,8 @@ import contextlib
 import hashlib
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -36,6 +37,10 @@ class _Read(NamedTuple):
 
 _read: dict[str, _Read] = {}
 """name of an agent -> what it read when it was last made in this process"""
+read_late: dict[str, str] = {}
+"""name of an agent -> why sweeps refuse it: it has opened a data file too late. A module may keep what was
+read, so that nobody would see it the next time.
+"""
 
 
 def remember(
@@ -125,18 +130,15 @@ def _digests(files: Mapping[str, Path]) -> dict[str, str]:
 def _declared(name: str, agent: object) -> dict[str, Path]:
     """Name -> file of each that the agent's class (or the agent) names in `reads`."""
     reads: Any = getattr(agent, "reads", ())
-    if (
-        not isinstance(reads, Iterable)
-        or isinstance(reads, str)
-        or not all(isinstance(r, str) for r in reads)
-    ):
+    listed = isinstance(reads, Collection) and not isinstance(reads, str)
+    if not listed or not all(isinstance(file, str | PathLike) for file in reads):
         raise AgentError(
             f"agent {name}: `reads` names the files that it reads, relative to its own, as in "
             f'reads = ("weights.safetensors",); it is {shortened(reads)}'
         )
     owner = next((kind for kind in type(agent).__mro__ if "reads" in vars(kind)), type(agent))
     folder = next((path.parent for path in sources_of(owner)), Path.cwd())
-    found = {text: folder / text for text in reads}
+    found = {str(file): folder / file for file in reads}
     for text, path in found.items():
         if not path.is_file():
             raise AgentError(f"agent {name}: `reads` names {text}, and there is no such file in {folder}")

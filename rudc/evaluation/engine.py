@@ -262,9 +262,10 @@ def _cause(exit_code: int | None) -> str:
 def _guard() -> str:
     """What a script that has no main guard is told: each worker imports it first."""
     main = sys.modules["__main__"]
-    if getattr(main, "__spec__", None) is not None or not getattr(main, "__file__", None):
+    script = Path(str(getattr(main, "__file__", "")))
+    if script.suffix != ".py" or "run_sweep" not in script.read_text(encoding="utf-8", errors="replace"):
         return ""
     return (
-        f"; each imports {Path(str(main.__file__)).name} first: what it prints stands above. A script calls "
-        "run_sweep under `if __name__ == '__main__':`"
+        f"; each imports {script.name} first: what it prints stands above. A script calls run_sweep under "
+        "`if __name__ == '__main__':`"
     )

@@ -17,13 +17,16 @@ from rudc.network.network import load_network
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_IN, EGO_OUT
 from rudc.scenario.choices import possible
+from rudc.scenario.distributions import Distribution
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
 from rudc.scenario.events.pedestrian_crossing import PedestrianCrossing
 from rudc.scenario.events.vehicle_crossing import VehicleCrossing, beyond_way
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
+from rudc.scenario.replacing import with_numbers
 from rudc.scenario.selectors import ByArm
+from rudc.scenario.shared import Shared
 from rudc.scenario.spread import spread
 from rudc.scenario.triggers import Threshold
 from rudc.vehicle import EgoVehicle
@@ -97,8 +100,9 @@ def never_happening(scenario: Scenario) -> list[str]:
     episode reaches, for a quantity below its least value, for a time between two decisions, for the end of an
     event without duration, or for a vehicle from where no arm is or of a kind that never comes by the ego's
     own arm, or its probability is 0; one for a start speed or a destination that no episode reaches; one for
-    each kind of `traffic.mix` that may drive nowhere; and one for what stands in or crosses the ego's exit
-    beyond its destination. Of a sweep, at the points that `tried_points` chooses."""
+    each kind of `traffic.mix` that may drive nowhere; one for what stands in or crosses the ego's exit
+    beyond its destination; and one for a shared number that nothing names. Of a sweep, at the points that
+    `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
@@ -131,6 +135,7 @@ def _why_not(scenario: Scenario, waiting: int, group: Conditions) -> Iterator[st
     """Why conditions of the event number `waiting`, from 0, can never hold together, as far as is known."""
     yield from _never(group, scenario.episode.timeout.support[1])
     yield from _endless(scenario, waiting, group)
+    yield from _of_nothing(scenario, group)
     yield from _passed(scenario, group)
 
 
@@ -228,6 +233,34 @@ def _endless(scenario: Scenario, waiting: int, when: Conditions) -> Iterator[str
         yield f"it waits for the end of event {numbered(k + 1, awaited)}, which has no duration"
 
 
+def _of_nothing(scenario: Scenario, when: Conditions) -> Iterator[str]:
+    """Why the ego is near to nothing of an event: that puts nothing on the road, and takes hold of nobody."""
+    near = when.relative_distance
+    if near is None or near.event is None or near.event.support[0] != near.event.support[1]:
+        return
+    k = int(near.event.support[0])
+    event = scenario.events[k]
+    effect = effect_of(event, event.kind)
+    if effect.felt or effect.underfoot:
+        named = numbered(k + 1, event)
+        yield f"it waits for relative_distance to event {named}, which puts nothing on the road"
+
+
+def _unused(scenario: Scenario) -> Iterator[str]:
+    """A shared number that nothing names."""
+    named = set[str]()
+
+    def look(_: str, number: Distribution) -> Distribution:
+        if isinstance(number, Shared):
+            named.add(number.shared)
+        return number
+
+    with_numbers(scenario, look)
+    for name in scenario.shared:
+        if name not in named:
+            yield f"nothing names the shared number {name!r}: {{shared: {name}}} would"
+
+
 def _never(when: Conditions, end: float) -> Iterator[str]:
     """Why conditions can never hold together in an episode that ends at `end` (s), as far as is known."""
     fastest = EgoVehicle().v_max
@@ -322,7 +355,7 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
 
 
 _FINDERS = (
-    _in_vain, _nobody, _never_comes, _too_fast, _out_of_reach, _nowhere, _beyond, _unpaused,
+    _in_vain, _nobody, _never_comes, _too_fast, _out_of_reach, _nowhere, _beyond, _unpaused, _unused,
 )  # fmt: skip
 
 

@@ -43,13 +43,15 @@ class SweepRows:
 
 def by_column(rows: Sequence[Row], names: Iterable[str]) -> Columns:
     """Some columns of rows. Cells may be texts, as in a sweep's rows, or what pandas makes of them: numbers,
-    with nan where a cell is empty.
+    with nan where a cell is empty, and whole ones as floats in a column with an empty cell.
     """
     return {name: [_text(row[name]) for row in rows] for name in names}
 
 
 def _text(cell: object) -> str:
-    return "" if cell != cell else str(cell)
+    if isinstance(cell, float):
+        return "" if cell != cell else f"{cell:.0f}" if cell.is_integer() else str(cell)
+    return str(cell)
 
 
 def by_row(blocks: Iterable[Columns]) -> list[dict[str, str]]:

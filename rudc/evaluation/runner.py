@@ -14,10 +14,10 @@ from types import FrameType
 
 from rudc.agents.base import Agent, layers
 from rudc.agents.guarded import GuardedAgent
-from rudc.agents.own_files import changed_files
+from rudc.agents.own_files import changed_files, read_late
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.errors import AgentError, PartFailedError, RudcError
+from rudc.errors import AgentError, AgentFailedError, PartFailedError, RudcError
 from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.manifest import agent_digest
 from rudc.evaluation.record import EpisodeRecord
@@ -119,8 +119,10 @@ class EpisodeRunner:
 
 def _hold_to(agent: GuardedAgent, recorded: Mapping[str, str]) -> None:
     """Have an agent read only what a sweep's manifest records (name -> digest). Raises AgentError where a
-    file has changed since.
+    file has changed since, and AgentFailedError where it has opened one too late.
     """
+    if agent.name in read_late:
+        raise AgentFailedError(read_late[agent.name])
     if changed := changed_files(agent.name, recorded):
         raise AgentError(
             f"agent {agent.name} is no longer what it was when the sweep began: {changed[0]} has changed; "

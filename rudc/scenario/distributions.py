@@ -238,7 +238,7 @@ class Bounds:
     def check(self, value: Distribution) -> Distribution:
         """The same distribution, a normal one truncated to the bounds; refuses what reaches beyond them."""
         if isinstance(value, Shared) and value.number is None:
-            return value  # what it is of is wrong itself, and reported where it stands
+            return value
         for where, number in _numbers(value):
             cut_there = where == ("normal", "low")  # as it is by default; no draw comes out at the cut itself
             excluded = self.above and number == self.low and not cut_there
@@ -281,8 +281,8 @@ def _numbers(value: Distribution) -> list[tuple[tuple[str | int, ...], float]]:
             named = (("mean", limits.mean), ("low", limits.low), ("high", limits.high))
             return [(("normal", name), end) for name, end in named if end is not None]
         case Shared():
-            values = [end for _, end in _numbers(value.known)]
-            return [((), value.of(end)) for end in values]
+            ends = [] if value.number is None else [end for _, end in _numbers(value.number)]
+            return [((), value.of(end)) for end in ends]
     raise NotImplementedError(f"{type(value).__name__} must say which of its numbers are bounded")
 
 
@@ -316,7 +316,7 @@ def shared_in(data: Any) -> dict[str, Distribution | None]:
     found = dict[str, Distribution | None]()
     for name, value in section.items() if isinstance(section, Mapping) else ():
         try:
-            found[str(name)] = may_be_shared(distribution(value))
+            found[str(name).strip()] = may_be_shared(distribution(value))
         except (ValidationError, PydanticCustomError):
-            found[str(name)] = None
+            found[str(name).strip()] = None
     return found

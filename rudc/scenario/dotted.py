@@ -7,6 +7,8 @@ from typing import Any
 
 import yaml
 
+from rudc.hints import there_are
+
 Path = tuple[str | int, ...]
 """keys and list indices from the top of a file down to a value"""
 
@@ -24,6 +26,8 @@ def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, An
     parts = key.split(".")
     if not all(parts):
         raise DottedKeyError("expected a dotted key, such as traffic.density")
+    if parts[0] == "shared" and len(parts) > 1 and parts[1] not in (data.get("shared") or {}):
+        raise DottedKeyError(f"no shared number is called {parts[1]!r}{_shared_names(data, parts[1])}")
     changed = data.copy()
     here: Any = changed
     path: Path = ()
@@ -40,6 +44,11 @@ def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, An
             here[step] = inner.copy() if isinstance(inner, dict | list) else inner
             here = here[step]
     return changed, path
+
+
+def _shared_names(data: dict[str, Any], word: str) -> str:
+    names = [str(name) for name in data.get("shared") or ()]
+    return there_are(word, names) if names else "; the scenario has no section `shared`"
 
 
 def _step(here: Any, part: str, before: str) -> str | int:

@@ -10,6 +10,7 @@ import hashlib
 import itertools
 import json
 import re
+import zlib
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -79,13 +80,13 @@ def _checked(events: Any, handler: ValidatorFunctionWrapHandler) -> tuple[Event,
 
 
 def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Iterator[Any]:
-    """The events as a file gives them, names in `event_state` replaced by numbers. Adds what is wrong with
+    """The events as a file gives them, names in their conditions replaced by numbers. Adds what is wrong with
     names to the problems."""
     numbers = dict[str, int]()
     read = [event if isinstance(event, dict) else {"name": getattr(event, "name", None)} for event in events]
     for k, (event, given) in enumerate(zip(events, read, strict=True)):
         changed = event
-        for keys in _states(given):
+        for keys in _named(given):
             if not isinstance(called := value_at(given, ".".join(map(str, keys))), str):
                 continue
             called = called.strip()
@@ -104,7 +105,7 @@ def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Itera
             numbers[name] = k
 
 
-def _states(event: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
+def _named(event: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
     """Where the conditions of an event, as a file gives it, may name another event."""
     groups = value_at(event, "when.any")
     for name in ("event_state", "relative_distance"):
@@ -296,7 +297,8 @@ class Scenario(FileModel, frozen=True):
             event.happens(rng)  # so that the numbers, drawn after it, are the same for any probability
             return event.drawn(rng) if at_first.happens(generator(section, attempt=0)) else None
 
-        told, at_first = (self._told(generator(_SHARED, k)) for k in (attempt, 0))
+        told = self._told(seed, attempt)
+        at_first = told if attempt == 0 else self._told(seed, 0)
         drawn = [
             drawn_event(_FIRST_EVENT + i, event, first)
             for i, (event, first) in enumerate(zip(told.events, at_first.events, strict=True))
@@ -317,11 +319,16 @@ class Scenario(FileModel, frozen=True):
             source=self,
         )
 
-    def _told(self, rng: np.random.Generator) -> Scenario:
-        """The same scenario, with the shared numbers drawn and told to those that name them."""
+    def _told(self, seed: int, attempt: int) -> Scenario:
+        """The same scenario, with the shared numbers drawn and told to those that name them. Each number has
+        a generator of its own, so that it does not depend on the others.
+        """
         if not self.shared:
             return self
-        values = {name: number.sample(rng) for name, number in self.shared.items()}
+        values = {
+            name: number.sample(np.random.default_rng((seed, attempt, _SHARED, zlib.crc32(name.encode()))))
+            for name, number in self.shared.items()
+        }
 
         def told(_: str, number: Distribution) -> Distribution:
             return Constant(value=number.of(values[number.shared])) if isinstance(number, Shared) else number

@@ -7,6 +7,7 @@ lie where the same draw says, or one lies 3 m beyond the other.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -17,7 +18,7 @@ import numpy as np
 from pydantic import PrivateAttr, model_serializer, model_validator
 
 from rudc.hints import there_are
-from rudc.scenario.base import NonEmpty, Number, refuse
+from rudc.scenario.base import Identifier, Number, refuse
 from rudc.scenario.fixed import Distribution
 
 Known = Mapping[str, Distribution | None]
@@ -39,7 +40,7 @@ def sharing(known: Known) -> Iterator[None]:
 class Shared(Distribution, frozen=True):
     """A number of the scenario's section `shared`, times `times`, plus `plus`."""
 
-    shared: NonEmpty
+    shared: Identifier
     """its name there"""
     times: Number = 1.0
     """factor on it"""
@@ -66,14 +67,7 @@ class Shared(Distribution, frozen=True):
 
     @property
     def number(self) -> Distribution | None:
-        """The shared number; None if that is wrong itself."""
-        return self._number
-
-    @property
-    def known(self) -> Distribution:
-        """The shared number. Raises ValueError if that is wrong itself."""
-        if self._number is None:
-            raise ValueError(f"the shared number {self.shared!r} is not known")
+        """The shared number; None if that is wrong itself, which is reported where it stands."""
         return self._number
 
     def of(self, value: float) -> float:
@@ -82,15 +76,17 @@ class Shared(Distribution, frozen=True):
 
     def sample(self, rng: np.random.Generator) -> float:
         """Draw one value, by itself; an episode draws one for all (`Scenario.plan`)."""
-        return self.of(self.known.sample(rng))
+        return math.nan if self._number is None else self.of(self._number.sample(rng))
 
     @property
     def mean(self) -> float:
         """Of the shared number, times `times`, plus `plus`."""
-        return self.of(self.known.mean)
+        return math.nan if self._number is None else self.of(self._number.mean)
 
     @property
     def support(self) -> tuple[float, float]:
         """Of the shared number, times `times`, plus `plus`."""
-        low, high = sorted(self.of(end) for end in self.known.support)
+        if self._number is None:
+            return -math.inf, math.inf
+        low, high = sorted(self.of(end) for end in self._number.support)
         return low, high

@@ -1,7 +1,7 @@
 """When an event happens: conditions named as in ASAM OpenSCENARIO where it has one.
 
 All conditions of one `when` must hold at once, and of the groups under `any` one at least; then the event
-happens, once. They are about the ego.
+happens, once. They are about the ego, if nothing else is said.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pydantic_core import CoreSchema
 from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
 from rudc.scenario.selectors import Selector
+from rudc.scenario.shared import Shared
 
 Second = Annotated[AnyDistribution, Bounds(0, 600, "s")]
 Metre = Annotated[AnyDistribution, Bounds(0, 1000, "m")]
@@ -44,11 +45,13 @@ class Threshold(FileModel, frozen=True):
 
     @property
     def _contradictory(self) -> bool:
-        return (
-            self.above is not None
-            and self.below is not None
-            and self.above.support[0] >= self.below.support[1]
-        )
+        above, below = self.above, self.below
+        if above is None or below is None:
+            return False
+        if isinstance(above, Shared) and isinstance(below, Shared) and above.shared == below.shared:
+            ends = above.number.support if above.number is not None else ()
+            return bool(ends) and all(above.of(end) >= below.of(end) for end in ends)
+        return above.support[0] >= below.support[1]
 
     def as_drawn(self) -> Self:
         """The same, with its numbers drawn. If these contradict each other: a threshold that never holds

@@ -40,6 +40,12 @@ class Relative(Slow):
 class Declared(Slow):
     reads = ("sub/weights.safetensors",)
 
+class Paths(Slow):
+    reads = [Path("sub/weights.safetensors")]
+
+class Generator(Slow):
+    reads = (name for name in ["weights.npy"])
+
 class OneText(Slow):
     reads = "weights.npy"
 
@@ -103,6 +109,7 @@ def write_weights(folder, value):
         ("Beside", ["weights.npy"]),
         ("Relative", ["elsewhere.txt"]),
         ("Declared", ["sub/weights.safetensors"]),
+        ("Paths", ["sub/weights.safetensors"]),
         ("LateDeclared", ["late.txt"]),
         ("Late", []),
         ("Others", []),
@@ -187,6 +194,8 @@ def test_a_file_that_is_opened_later_is_refused_in_a_sweep_only(folder):
         record = runner(Task(scenario, {}, late, 0, agent_digest(late)))
         assert "reset opened late.txt, and a sweep keeps digests only of files" in record.error
         assert "let its class say reads = ('late.txt',)" in record.error
+        again = runner(Task(scenario, {}, late, 1, agent_digest(late)))
+        assert again.error == record.error, "though a module may keep now what the file says"
         declared = f"{folder}/mine.py:LateDeclared"
         assert runner(Task(scenario, {}, declared, 0, agent_digest(declared))).error == ""
         (guarded,) = [one for one in layers(runner._agents[declared]) if isinstance(one, GuardedAgent)]
@@ -199,6 +208,7 @@ def test_a_file_that_is_opened_later_is_refused_in_a_sweep_only(folder):
     ("name", "told"),
     [
         ("OneText", "as in reads = (\"weights.safetensors\",); it is 'weights.npy'"),
+        ("Generator", "as in reads = (\"weights.safetensors\",); it is <generator"),
         ("Gone", "`reads` names gone.bin, and there is no such file in "),
     ],
 )

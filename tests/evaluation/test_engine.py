@@ -14,7 +14,7 @@ from unittest.mock import MagicMock
 import pytest
 
 from rudc.errors import InputError, SimulationError, SweepError
-from rudc.evaluation.engine import BEGINS, _Pool, _Worker, run_local
+from rudc.evaluation.engine import BEGINS, _guard, _Pool, _Worker, run_local
 from rudc.evaluation.limits import LONGEST_LIMIT_S
 from rudc.evaluation.ray_engine import _Remote, run_ray
 from rudc.evaluation.runner import EpisodeRunner
@@ -85,6 +85,19 @@ def test_a_script_without_a_main_guard_is_told(tmp_path):
     last = run.stderr.strip().splitlines()[-1]
     assert "workers cannot start: it ended with exit code 1; each imports mine.py first" in last
     assert last.endswith("A script calls run_sweep under `if __name__ == '__main__':`")
+
+
+def test_only_a_script_that_sweeps_is_told_of_a_main_guard(tmp_path, monkeypatch):
+    for name, text, told in (
+        ("rudc", "run_sweep()", False),
+        ("a.py", "main()", False),
+        ("b.py", "run_sweep()", True),
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        monkeypatch.setitem(sys.modules, "__main__", types.SimpleNamespace(__file__=str(tmp_path / name)))
+        assert bool(_guard()) == told
+    monkeypatch.setitem(sys.modules, "__main__", types.SimpleNamespace())
+    assert _guard() == ""
 
 
 def test_an_episode_that_hangs_is_given_up(fakes, make_plan, tmp_path):

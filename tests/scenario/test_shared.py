@@ -4,7 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from rudc.errors import ScenarioError
+from rudc.evaluation.preflight import never_happening
 from rudc.evaluation.search.space import space_of
 from rudc.scenario import load_scenario
 from tests.scenario.test_errors import check, problems
@@ -53,6 +56,45 @@ def test_whether_an_event_happens_does_not_depend_on_the_attempt():
     happens = [[2 in (n - 1 for n in read.plan(s, a).event_numbers) for a in range(5)] for s in range(40)]
     assert all(len(set(attempts)) == 1 for attempts in happens)
     assert 8 < sum(attempts[0] for attempts in happens) < 32
+
+
+def test_a_number_does_not_depend_on_the_others():
+    """Neither on their order, which the digest does not know, nor on whether they are drawn."""
+    turned = scenario(**{**GIVEN, "shared": dict(reversed(SHARED.items()))})
+    read = scenario(**GIVEN)
+    assert turned.digest == read.digest
+    fixed = read.varied({"shared.hard": 5})
+    more = scenario(**{**GIVEN, "shared": {"first": {"uniform": [0, 1]}, **SHARED}})
+    for seed in range(5):
+        assert turned.plan(seed).events == read.plan(seed).events
+        assert fixed.plan(seed).events[0] == more.plan(seed).events[0] == read.plan(seed).events[0]
+
+
+def test_a_name_may_be_a_number():
+    read = scenario(shared={1: 7, " wide ": 8}, traffic={"density": {"shared": 1}},
+                    episode={"timeout": {"shared": "wide"}})  # fmt: skip
+    assert read.plan(0).traffic.density == 7.0
+    assert read.plan(0).timeout_s == 8.0
+
+
+def test_thresholds_of_one_number_that_contradict_each_other_are_refused():
+    never = {"above": {"shared": "gap", "plus": 1}, "below": {"shared": "gap"}}
+    with pytest.raises(ValidationError, match="can never hold"):
+        scenario(shared=SHARED, events=[{"kind": "hard_brake", "when": {"speed": never}}])
+    sometimes = {"above": {"shared": "gap"}, "below": {"shared": "gap", "plus": 1}}
+    scenario(shared=SHARED, events=[{"kind": "hard_brake", "when": {"speed": sometimes}}])
+
+
+def test_names_that_are_not_there_are_refused_and_those_that_nobody_uses_told():
+    with pytest.raises(ScenarioError, match=r"no shared number is called 'gop' \(did you mean 'gap'\?\)"):
+        scenario(**GIVEN).varied({"shared.gop": 3})
+    with pytest.raises(ScenarioError, match="called 'gap'; the scenario has no section `shared`"):
+        scenario().varied({"shared.gap": 3})
+    with pytest.raises(ScenarioError, match="no shared number is called 'gop'"):
+        load_scenario("fog", {"shared.gop": 3})
+    (told,) = never_happening(scenario(shared={"gap": 3}))
+    assert told == "nothing names the shared number 'gap': {shared: gap} would"
+    assert never_happening(scenario(**{**GIVEN, "events": EVENTS[:2], "shared": {"gap": 3}})) == []
 
 
 def test_it_is_written_as_it_was_read():
@@ -110,6 +152,8 @@ def test_what_is_wrong_is_said_at_its_place(problems):
           - {kind: lane_closure, lane: north_out_1, at: {shared: gap, times: -1}, length: {shared: open}}
           - {kind: hard_brake, deceleration: {shared: odd}, when: {speed: {above: {sharde: gap}}}}
           - {kind: pedestrian_crossing, arm: north, count: {shared: gap}}
+          - {kind: hard_brake, when: {speed: {above: {shared: odd}, below: 3},
+                                     event_state: {event: {shared: odd}}}}
         """)
     check(
         found,

@@ -1,11 +1,15 @@
 """Conditions about other vehicles and about what events have put on the road."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
 from rudc.evaluation.preflight import never_happening
+from rudc.scenario import register_event
+from rudc.scenario.events import Event, registry
+from rudc.scenario.events.event import Effect
 from rudc.world.events import event_lines
 from tests.plans import PlanSource, event
 from tests.scenario.test_errors import check, problems
@@ -68,6 +72,48 @@ def test_the_ego_is_near_to_what_an_event_has_put_on_the_road(world):
     assert np.hypot(*(scenes[-2].position[bed] - (ego.x, ego.y))) < 20.0
     ego = scenes[-3].ego
     assert np.hypot(*(scenes[-3].position[bed] - (ego.x, ego.y))) >= 20.0
+
+
+def test_of_several_things_the_nearest_counts(world):
+    """Two stand 15 and 45 m before the ego: it is not farther than 30 m from them."""
+    source = replace(CALM, origin="south", turn="straight", density=0.0, distance=(60.0, 60.0))
+    two = event("accident", vehicles=[{"lane": "south_in_1", "at": at, "type": "car"} for at in (45, 15)])
+    for above, expected in ((10, True), (30, False)):
+        far = surge(relative_distance={"event": 0, "above": above})
+        until(world, replace(source, events=(two, far)), 2.0)
+        assert (world.traffic.density == 50) == expected
+
+
+class Kite2(Event, frozen=True):
+    """A kite."""
+
+    kind: Literal["kite2"]
+
+
+class Kite2Effect(Effect[Kite2]):
+    """It lies on the road."""
+
+    def begin(self, stage):
+        stage.stand(f"{self.name}:0", "obstacle", stage.pose_on_lane("south_in_1", 20.0), (1.0, 1.0))
+        return True
+
+
+def test_an_event_of_ones_own_may_be_called_as_it_likes(world, monkeypatch):
+    assert registry.EVENT_KINDS, "found once a process: before their table is copied"
+    monkeypatch.setattr(registry, "_REGISTERED", dict(registry._REGISTERED))
+    register_event(Kite2, Kite2Effect)
+    source = replace(CALM, origin="south", turn="straight", density=0.0, distance=(60.0, 60.0))
+    near = surge(relative_distance={"event": 0, "below": 60})
+    until(world, replace(source, events=(Kite2(kind="kite2"), near)), 2.0)
+    assert world.traffic.density == 50
+
+
+def test_an_event_that_puts_nothing_on_the_road_is_never_near():
+    for kind in ({"kind": "low_friction", "friction": 0.5}, {"kind": "density_surge", "density": 50}):
+        near = {"kind": "hard_brake", "when": {"relative_distance": {"event": 0, "below": 9}}}
+        (told,) = never_happening(scenario(events=[kind, near]))
+        assert told.endswith(f"distance to event 1 (events.0) {kind['kind']}, which puts nothing on the road")
+    assert never_happening(scenario(events=[BED, near])) == []
 
 
 def test_names_become_numbers_in_all_places():

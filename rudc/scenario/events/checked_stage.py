@@ -13,7 +13,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from rudc.scenario.events.event import HARDEST
 from rudc.scenario.events.stage import Stage
 
 LEAST, MOST = 0.03, 1.2
@@ -22,7 +21,7 @@ FINITE = -1e6, 1e6
 """of numbers that have no other bounds"""
 LIMITS = {
     "friction": (LEAST, MOST),
-    "deceleration": (0.0, HARDEST),
+    "deceleration": (0.0, 1e3),
     "least": (0.0, 40.0),
     "speed": (0.0, 40.0),
     "factor": (0.01, 4.0),
@@ -45,6 +44,8 @@ class CheckedStage:
         self._stage = stage
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
         part = getattr(self._stage, name)
         return _checking(name, part) if callable(part) else part
 

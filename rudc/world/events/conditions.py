@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_gaps
+from rudc.scenario.events import EVENT_KINDS
 from rudc.scenario.triggers import awaited
 from rudc.world.events.selection import pick
 from rudc.world.scene import Scene
@@ -70,8 +70,10 @@ def _event_state(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigg
 
 def _relative_distance(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     rows = _whom(condition, scene, stage, trigger)
-    away = scene.position[rows] - (scene.ego.x, scene.ego.y)
-    return any(condition.holds(float(distance)) for distance in np.hypot(away[:, 0], away[:, 1]))
+    away = np.hypot(*(scene.position[rows] - (scene.ego.x, scene.ego.y)).T)
+    if condition.event is not None and len(away):
+        return condition.holds(float(away.min()))
+    return any(condition.holds(float(distance)) for distance in away)
 
 
 def _time_headway(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
@@ -97,8 +99,8 @@ def _whom(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> 
     """Rows of the SVs, or of an event's things, that a condition is about."""
     if getattr(condition, "event", None) is not None:
         number = int(float(condition.event))
-        held, thing = stage.held_by(number), re.compile(rf"[a-z_]+{number}:")
-        return [i for i, name in enumerate(scene.ids) if name in held or thing.match(name)]
+        held, called = stage.held_by(number), {f"{kind}{number}" for kind in EVENT_KINDS}
+        return [i for i, name in enumerate(scene.ids) if name in held or name.partition(":")[0] in called]
     if condition.vehicle != "same":
         return pick(scene, condition.vehicle, stage.rng)
     return [scene.ids.index(name) for name in stage.held_by(awaited(trigger)) if name in scene.ids]
