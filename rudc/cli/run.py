@@ -223,6 +223,8 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
             record, failure = run_until_failure(episode, plan, driver, options=options, watch=watch)
         except AgentFailedError as error:
             record = EpisodeRecord.failed(plan.scenario, driver.name, seed, str(error))
+            if files.fcd is not None:
+                files.fcd.unlink(missing_ok=True)  # of an episode that has not begun
             return _Driven(record, error, event_lines(world.plan, world.happenings()), {}, begun=False)
         events = event_lines(world.plan, world.happenings())
         page = recording.data(record) if files.replay else {}

@@ -208,7 +208,7 @@ def test_a_file_that_is_opened_later_is_refused_in_a_sweep_only(folder):
     ("name", "told"),
     [
         ("OneText", "as in reads = (\"weights.safetensors\",); it is 'weights.npy'"),
-        ("Generator", "as in reads = (\"weights.safetensors\",); it is <generator"),
+        ("Generator", 'as in reads = ("weights.safetensors",); it is <generator'),
         ("Gone", "`reads` names gone.bin, and there is no such file in "),
     ],
 )

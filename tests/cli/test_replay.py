@@ -96,14 +96,14 @@ def test_a_run_keeps_what_came_before_its_agent_failed(rudc, tmp_path):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_run_whose_agent_fails_is_told_alike_whenever_it_fails(rudc, tmp_path, seed):
     (tmp_path / "fails.py").write_text(FAILS)
-    answer = rudc(
-        "run", "random_destination", "-a", "fails.py:Fails", "--seed", seed, "--json", "--replay", "s.html"
-    )
+    files = ("--replay", "s.html", "--fcd", "s.xml")
+    answer = rudc("run", "random_destination", "-a", "fails.py:Fails", "--seed", seed, "--json", *files)
     (told,) = json.loads(answer.out)
     assert (answer.status, told["seed"]) == (1, seed)
     assert told["error"].endswith(f"at {seed:.1f} s: act raised ValueError: enough (fails.py:8)")
     assert answer.err.splitlines()[-1] == f"error: {told['error']}"
-    assert (tmp_path / "s.html").exists() == ("s.html written" in answer.err) == (seed == 1)
+    for name in ("s.html", "s.xml"):
+        assert (tmp_path / name).exists() == (f"{name} written" in answer.err) == (seed == 1)
 
 
 def test_an_episode_of_a_sweep_comes_out_the_same(rudc, swept, tmp_path):
