@@ -172,6 +172,11 @@ def _drawn(key: str, shares: Mapping[str, Distribution], rng: np.random.Generato
     return {name: share / total for name, share in drawn.items() if share > 0}
 
 
+def _in_order(shares: Mapping[str, Distribution]) -> dict[str, Distribution]:
+    """The same shares in the order of their names; a scenario's digest does not know the order of its file."""
+    return dict(sorted(shares.items()))
+
+
 class Shares(FileModel, frozen=True):
     """Relative shares, one for each key; one that is not given is 0."""
 
@@ -269,7 +274,7 @@ class Traffic(FileModel, frozen=True):
             decel=self.idm.decel,
             speed_factor=self.speed_factor,
             warm_up_s=self.warm_up.sample(rng),
-            origins=None if self.origins is None else _drawn("traffic.from", self.origins, rng),
+            origins=None if self.origins is None else _drawn("traffic.from", _in_order(self.origins), rng),
             turns=None if self.turns is None else _drawn("traffic.turns", self.turns.shares, rng),
         )
 

@@ -263,3 +263,10 @@ class TestDigest:
             path.write_text(text)
             digests.append(scenario(network=str(path), sweep={"network": [str(path)]}).digest)
         assert digests[0] == digests[1] != digests[2]
+
+
+def test_drawn_shares_of_arms_do_not_depend_on_the_order_of_the_file():
+    arms = {"north": {"uniform": [1, 2]}, "east": {"uniform": [3, 5]}, "west": 1}
+    one, other = (scenario(traffic={"from": given}) for given in (arms, dict(reversed(arms.items()))))
+    assert one.digest == other.digest
+    assert one.plan(3).traffic.origins == other.plan(3).traffic.origins
