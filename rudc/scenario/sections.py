@@ -173,7 +173,7 @@ def _drawn(key: str, shares: Mapping[str, Distribution], rng: np.random.Generato
 
 
 def _in_order(shares: Mapping[str, Distribution]) -> dict[str, Distribution]:
-    """The same shares in the order of their names; a scenario's digest does not know the order of its file."""
+    """The same shares in the order of their names: a digest does not know the order of the file."""
     return dict(sorted(shares.items()))
 
 
