@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,19 +17,19 @@ from rudc.scenario.choices import Drawable
 class Distribution(Drawable, frozen=True):
     """A number that is fixed or drawn at random. `float(d)` gives the value of a fixed one."""
 
+    @abstractmethod
     def sample(self, rng: np.random.Generator) -> float:
         """Draw one value; a fixed number leaves the generator untouched."""
-        raise NotImplementedError(f"{type(self).__name__} must say how it is drawn")
 
     @property
+    @abstractmethod
     def mean(self) -> float:
         """Its expectation."""
-        raise NotImplementedError(f"{type(self).__name__} must say its mean")
 
     @property
+    @abstractmethod
     def support(self) -> tuple[float, float]:
         """Least and greatest value it can take."""
-        raise NotImplementedError(f"{type(self).__name__} must say its support")
 
     def drawn(self, rng: np.random.Generator) -> Constant:
         """A fixed number, drawn from it, to stand in its place."""
