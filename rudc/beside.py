@@ -16,6 +16,9 @@ from rudc.errors import InputError
 _PLACE = re.compile(r"(?P<module>[A-Za-z_][\w.]*):[A-Za-z_]\w*")
 """text `package.module:Class`, as an algorithm names a class"""
 
+INSTALLED = ("site-packages", "dist-packages")
+"""names of folders of installed packages"""
+
 
 def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
     """Path -> first 16 hexadecimal digits of the SHA-256 digest, for a Python file and for each file that it
@@ -49,7 +52,7 @@ def folders_of(path: Path) -> tuple[Path, Path]:
     root = home = path.resolve().parent
     while (root / "__init__.py").is_file():
         root, home = root.parent, root
-    if root == home and root.name in ("site-packages", "dist-packages"):
+    if root == home and root.name in INSTALLED:
         home = path.resolve()
     return root, home
 

@@ -21,11 +21,11 @@ from pathlib import Path, PurePath
 from types import FrameType
 from typing import Any
 
-from rudc.beside import folders_of
+from rudc.beside import INSTALLED, folders_of
 
 CODE = (".py", ".pyc", ".pyi", ".so", ".pyd", ".dll", ".dylib")
 """ends of the names of files that are code"""
-APART = ("__pycache__", "site-packages", "dist-packages")
+APART = ("__pycache__", *INSTALLED)
 """folders whose files do not count"""
 _WRITES = os.O_WRONLY | os.O_RDWR
 

@@ -12,10 +12,9 @@ from functools import cache
 from pathlib import Path
 from types import TracebackType
 
-from rudc.beside import folders_of
+from rudc.beside import INSTALLED, folders_of
 
 _RUDC = Path(__file__).resolve().parent
-_PACKAGES = ("site-packages", "dist-packages")
 
 
 def place_of(error: BaseException) -> str:
@@ -55,4 +54,4 @@ def _is_own(file: str) -> bool:
 def _lies_in(file: str, home: Path) -> bool:
     """Whether a file lies in a folder (or is it), and not among the packages that are installed there."""
     path = Path(file).resolve()
-    return path.is_relative_to(home) and not set(_PACKAGES) & set(path.relative_to(home).parts)
+    return path.is_relative_to(home) and not set(INSTALLED) & set(path.relative_to(home).parts)

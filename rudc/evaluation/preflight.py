@@ -17,14 +17,13 @@ from rudc.network.network import load_network
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_IN, EGO_OUT
 from rudc.scenario.choices import possible
-from rudc.scenario.distributions import Distribution
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
 from rudc.scenario.events.pedestrian_crossing import PedestrianCrossing
 from rudc.scenario.events.vehicle_crossing import VehicleCrossing, beyond_way
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
-from rudc.scenario.replacing import with_numbers
+from rudc.scenario.numbers_in import numbers_in
 from rudc.scenario.selectors import ByArm
 from rudc.scenario.shared import Shared
 from rudc.scenario.spread import spread
@@ -248,14 +247,7 @@ def _of_nothing(scenario: Scenario, when: Conditions) -> Iterator[str]:
 
 def _unused(scenario: Scenario) -> Iterator[str]:
     """A shared number that nothing names."""
-    named = set[str]()
-
-    def look(_: str, number: Distribution) -> Distribution:
-        if isinstance(number, Shared):
-            named.add(number.shared)
-        return number
-
-    with_numbers(scenario, look)
+    named = {number.shared for _, number in numbers_in(scenario) if isinstance(number, Shared)}
     for name in scenario.shared:
         if name not in named:
             yield f"nothing names the shared number {name!r}: {{shared: {name}}} would"

@@ -39,9 +39,9 @@ from rudc.scenario.dotted import DottedKeyError, dotted, value_at, with_value
 from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.fixed import Constant, Distribution
 from rudc.scenario.networks import existing_network, is_network_path
+from rudc.scenario.numbers_in import with_numbers
 from rudc.scenario.plan import EpisodePlan
 from rudc.scenario.problems import describe
-from rudc.scenario.replacing import with_numbers
 from rudc.scenario.sections import Ego, Episode, Traffic
 from rudc.scenario.shared import Shared, sharing
 from rudc.scenario.triggers import named_events

@@ -10,10 +10,9 @@ from scipy.special import ndtr
 
 from rudc.arrays import Array
 from rudc.errors import InputError
-from rudc.scenario.base import parts_of
 from rudc.scenario.distributions import Constant, Distribution, Normal, Uniform
 from rudc.scenario.model import Scenario
-from rudc.scenario.replacing import with_numbers
+from rudc.scenario.numbers_in import numbers_in, with_numbers
 
 Searched = Uniform | Normal
 
@@ -55,7 +54,7 @@ def space_of(scenario: Scenario, over: Mapping[str, object]) -> Space:
         )
     kept = {id(value) for value in _distributions_left(scenario.plan(0))}
     axes = {
-        key: value for key, value in _declared(scenario, "")
+        key: value for key, value in numbers_in(scenario)
         if isinstance(value, Searched) and value.support[0] < value.support[1]
         and (key in over or id(value) not in kept)
     }  # fmt: skip
@@ -67,15 +66,6 @@ def space_of(scenario: Scenario, over: Mapping[str, object]) -> Space:
             "--over 'KEY=[low, high]' says which (`rudc scenario keys`)"
         )
     return Space(axes)
-
-
-def _declared(value: Any, key: str) -> Iterator[tuple[str, Distribution]]:
-    """Dotted key and distribution of all of a scenario's numbers that may be drawn."""
-    if isinstance(value, Distribution):
-        yield key, value
-        return
-    for name, part in parts_of(value):
-        yield from _declared(part, f"{key}.{name}".lstrip("."))
 
 
 def _distributions_left(value: Any) -> Iterator[Distribution]:
