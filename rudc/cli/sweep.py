@@ -63,9 +63,12 @@ def sweep(
         ),
     ] = None,
     seed: Annotated[
-        int,
-        typer.Option(min=0, help="Seed of the first episode; the others follow, the same for each agent."),
-    ] = 0,
+        int | None,
+        typer.Option(
+            min=0,
+            help="Seed of the first episode; the others follow, the same for each agent; 0 by default.",
+        ),
+    ] = None,
     workers: Workers = None,
     out: ResultsFolder = None,
     overrides: Annotated[
@@ -82,7 +85,9 @@ def sweep(
     resume: Annotated[
         bool,
         typer.Option(
-            "--resume", help="Finish the sweep in DIR, or add episodes to it; start it if there is none."
+            "--resume",
+            help="Finish the sweep in DIR, or add episodes to it; start it if there is none. "
+            "SCENARIO and --agent need not be given again.",
         ),
     ] = False,
     shipped: Annotated[
@@ -128,6 +133,8 @@ def sweep(
 
     `rudc sweep random_destination '*left*' my.yaml -a sumo -a gap-acceptance+ttcbf -w 8 -o out/all --resume`
 
+    `rudc sweep --resume --out out/all --workers 4`: goes on with what that folder holds
+
     `rudc sweep --verify out/all --share 0.1`: do its rows come out the same here? Exit status 1 if not
     """
     from rudc.evaluation.runner import EpisodeRunner
@@ -147,11 +154,15 @@ def sweep(
             "--json": as_json,
         }
         others = [name for name, value in given.items() if value]
-        verify_folder(verify, others, share, seed, workers, limit)
+        verify_folder(verify, others, share, seed or 0, workers, limit)
         return
     if share is not None:
         raise InputError("--share says how much of a sweep --verify DIR runs again; there is no --verify")
-    plan = _plan(scenarios or [], agents or [], shipped, episodes or 100, seed, parse_overrides(overrides))
+    if resume and out is not None and not (scenarios or agents or shipped or overrides):
+        plan = _kept_plan(out, episodes, seed)
+    else:
+        values = parse_overrides(overrides)
+        plan = _plan(scenarios or [], agents or [], shipped, episodes or 100, seed or 0, values)
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     progress = _Reported(sweep_progress(), out) if report else sweep_progress()
@@ -231,6 +242,16 @@ def _plan(
     if twice := [name for name in each if agents.count(name) > 1]:
         warn(f"warning: --agent names {', '.join(twice)} more than once; each counts once")
     return SweepPlan(found, each, episodes, seed)
+
+
+def _kept_plan(folder: Path, episodes: int | None, seed: int | None) -> SweepPlan:
+    from rudc.evaluation.kept import kept_plan
+
+    if not (folder / "manifest.json").exists():
+        raise InputError(
+            f"which scenarios? {folder} holds no sweep to go on with; give names, files or patterns"
+        )
+    return kept_plan(folder, episodes, seed)
 
 
 def _report(result: SweepResult, as_json: bool) -> None:

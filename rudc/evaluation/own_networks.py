@@ -106,6 +106,8 @@ def _copied(name: str, folder: Path) -> str:
     """The copy's path: in a folder named by its path and content, under its own name, which messages
     quote."""
     source = Path(name)
+    if source.is_relative_to(folder.absolute()):
+        return name  # a copy, of a sweep that goes on as its folder says
     try:
         data = source.read_bytes()
     except OSError as error:

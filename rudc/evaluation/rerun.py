@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pydantic import ValidationError
-
-from rudc.agents.registry import agent_settings
-from rudc.errors import InputError, SweepError
+from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import TRACEBACK, sweep_rows
+from rudc.evaluation.kept import KeptScenarios, kept_settings
 from rudc.evaluation.manifest import read_manifest, version_changes, versions
-from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.rows import by_row, is_whole
 from rudc.evaluation.tasks import Task
 from rudc.hints import did_you_mean, listed
 from rudc.imports import plugins, sources_digests
-from rudc.scenario.dotted import dotted
 from rudc.scenario.model import Scalar, Scenario
-from rudc.scenario.problems import describe
 
 HOW = "give SCENARIO:AGENT:SEED, or the number of a row of episodes.csv, from 1"
 
@@ -54,6 +47,7 @@ class Swept:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._content = read_manifest(folder)
+        self._scenarios = KeptScenarios(folder, self._content)
         swept = sweep_rows(folder)
         self.rows, self.parameters = by_row(swept.blocks()), swept.parameters
         """its rows; columns that did not exist yet when it was written are empty"""
@@ -78,36 +72,9 @@ class Swept:
         said = {name: text for name, text in row.items() if name not in self._lacking}
         return Rerun(number, said, Task(scenario, swept, agent, int(row["seed"])), self._changes[name, agent])
 
-    @cached_property
-    def _unread(self) -> list[str]:
-        """Why agents of the sweep cannot be found any more. Looking for them imports their files."""
-        found = []
-        for agent in self._content["configuration"]["agents"]:
-            try:
-                _settings(agent)
-            except InputError as error:
-                found.append(f"; {error}")
-        return found
-
     def _family(self, name: str) -> _Family:
-        said = self._content["configuration"]["scenarios"].get(name)
-        if said is None:
-            raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
-        unread = self._unread  # before the scenario is read: agents' files may register its events
-        try:
-            family = kept_scenario(said["values"], said["digest"], self._folder)
-            family = family.read_from(family.path, said.get("given"))
-        except ValidationError as error:
-            problem = describe(error, Scenario, said["values"])[0]
-            configuration = self._content["configuration"]
-            imported, offered = configuration.get("imported"), configuration.get("plugins")
-            raise SweepError(
-                f"the scenario {name!r} of {self._folder} cannot be read any more: "
-                f"{dotted(problem.path)}: {problem.text}; "
-                f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
-                f"{f' and --import {listed(list(imported))}' if imported else ''}"
-                f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}{''.join(unread)}"
-            ) from None
+        family = self._scenarios.read(name)
+        said = self._content["configuration"]["scenarios"][name]
         given = family.model_copy(update={"sweep": said["values"].get("sweep", {})})  # not the copies' paths
         points = {
             tuple(as_text(swept.get(parameter)) for parameter in self.parameters): (swept, scenario)
@@ -188,7 +155,7 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     found = []
     if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
-    settings = json.loads(json.dumps(_settings(agent)))
+    settings = json.loads(json.dumps(kept_settings(agent)))
     then = content["configuration"].get("agents", {}).get(agent, settings)
     found += agent_changes(agent, then, settings)
     if content["configuration"].get("imported", {}) != sources_digests():
@@ -224,19 +191,6 @@ def agent_changes(agent: str, then: Mapping[str, Any], now: Mapping[str, Any]) -
     if rest[0] != rest[1]:
         found.append(f"the agent {agent} has other settings now")
     return found
-
-
-def _settings(agent: str) -> dict[str, Any]:
-    """`agent_settings`; an error says what a path in the agent's name is relative to."""
-    try:
-        return agent_settings(agent)
-    except InputError as error:
-        if not ("/" in agent or ".py" in agent) or os.path.isabs(agent):
-            raise
-        raise SweepError(
-            f"{error}; {agent} is named relative to the folder in which the sweep was started: give the "
-            "command there"
-        ) from error
 
 
 def _plugin_changes(then: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:

@@ -1,0 +1,109 @@
+"""What a sweep's folder says of its scenarios and agents: to run episodes of it again, or to finish it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from rudc.agents.registry import agent_settings
+from rudc.errors import InputError, SweepError
+from rudc.evaluation.manifest import read_manifest
+from rudc.evaluation.own_networks import kept_scenario
+from rudc.evaluation.tasks import SweepPlan
+from rudc.hints import listed
+from rudc.scenario.dotted import dotted
+from rudc.scenario.model import Scenario
+from rudc.scenario.networks import is_network_path
+from rudc.scenario.problems import describe
+
+
+def kept_plan(folder: Path, episodes: int | None = None, seed: int | None = None) -> SweepPlan:
+    """The plan of the sweep that a folder holds, with other episodes or another first seed if they are given.
+
+    Networks are the folder's own copies, but for those that are swept: rows name these by their paths. Raises
+    SweepError where it is no sweep's folder, or what it names cannot be read any more.
+    """
+    content = read_manifest(folder)
+    told = content["configuration"]
+    if "search" in told:
+        raise SweepError(f"{folder} is the folder of a search: give the command of `rudc search` again")
+    scenarios = KeptScenarios(folder, content)
+    return SweepPlan(
+        tuple(scenarios.planned(name) for name in told["scenarios"]),
+        tuple(told["agents"]),
+        told["episodes"] if episodes is None else episodes,
+        told["seed"] if seed is None else seed,
+    )
+
+
+class KeptScenarios:
+    """The scenarios of a sweep's manifest."""
+
+    def __init__(self, folder: Path, content: Mapping[str, Any]) -> None:
+        self._folder = folder
+        self._content = content
+
+    def read(self, name: str) -> Scenario:
+        """A scenario, on the folder's own copies of its networks, the swept ones included. Raises SweepError
+        where the manifest does not have it, or it cannot be read any more.
+        """
+        said = self._content["configuration"]["scenarios"].get(name)
+        if said is None:
+            raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
+        unread = self._unread  # before the scenario is read: agents' files may register its events
+        try:
+            family = kept_scenario(said["values"], said["digest"], self._folder)
+        except ValidationError as error:
+            raise self._unreadable(name, error, unread) from None
+        return family.read_from(family.path, said.get("given"))
+
+    def planned(self, name: str) -> Scenario:
+        """As `read`, with swept networks as the sweep was given them. Raises SweepError as `read` does."""
+        values = self._content["configuration"]["scenarios"][name]["values"]
+        if not any(map(is_network_path, values.get("sweep", {}).get("network", ()))):
+            return self.read(name)
+        try:
+            return Scenario.model_validate(values).read_from(None, self.read(name).given)
+        except ValidationError as error:
+            raise self._unreadable(name, error, self._unread) from None
+
+    @cached_property
+    def _unread(self) -> list[str]:
+        """Why agents of the sweep cannot be found any more. Looking for them imports their files."""
+        found = []
+        for agent in self._content["configuration"]["agents"]:
+            try:
+                kept_settings(agent)
+            except InputError as error:
+                found.append(f"; {error}")
+        return found
+
+    def _unreadable(self, name: str, error: ValidationError, unread: list[str]) -> SweepError:
+        configuration = self._content["configuration"]
+        problem = describe(error, Scenario, configuration["scenarios"][name]["values"])[0]
+        imported, offered = configuration.get("imported"), configuration.get("plugins")
+        return SweepError(
+            f"the scenario {name!r} of {self._folder} cannot be read any more: "
+            f"{dotted(problem.path)}: {problem.text}; "
+            f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
+            f"{f' and --import {listed(list(imported))}' if imported else ''}"
+            f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}{''.join(unread)}"
+        )
+
+
+def kept_settings(agent: str) -> dict[str, Any]:
+    """`agent_settings`; an error says what a path in the agent's name is relative to."""
+    try:
+        return agent_settings(agent)
+    except InputError as error:
+        if not ("/" in agent or ".py" in agent) or os.path.isabs(agent):
+            raise
+        raise SweepError(
+            f"{error}; {agent} is named relative to the folder in which the sweep was started: give the "
+            "command there"
+        ) from error
