@@ -98,18 +98,23 @@ def correction_line(view: View, driving: Driving) -> str:
 
 
 def events_lines(events: tuple[ShownEvent, ...]) -> list[str]:
-    """Each event's number and kind, and since when; EVENTS_A_LINE on a line. Of more than EVENT_LINES hold,
-    those that are over are left out first, and then the last; how many are is said.
+    """Each event's number, name and kind, and since when; EVENTS_A_LINE on a line. Of more than EVENT_LINES
+    hold, those that are over are left out first, and then the last; how many are is said.
     """
     room = EVENTS_A_LINE * EVENT_LINES
     named = sorted(events, key=lambda event: event.is_over)[: room if len(events) <= room else room - 1]
     each = [
-        f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}"
+        f"({event.number}) {_called(event.event)}{_since(event)}"
         for event in sorted(named, key=lambda event: event.number)
     ]
     if len(named) < len(events):
         each.append(f"and {len(events) - len(named)} more")
     return [GAP.join(each[i : i + EVENTS_A_LINE]) for i in range(0, len(each), EVENTS_A_LINE)]
+
+
+def _called(event: Event) -> str:
+    """An event's kind; after its name, if it has one."""
+    return f"{event.name}, {_words(event.kind)}" if event.name else _words(event.kind)
 
 
 def _since(event: ShownEvent) -> str:
@@ -149,7 +154,7 @@ _ONE = {"vehicles": "vehicle", "objects": "object", "boxes": "box"}
 
 def describe(event: Event) -> str:
     """An event in a line: what it is and its numbers; its `when` is left out."""
-    return ", ".join([event.kind.replace("_", " "), *_numbers(event, without=("when", "kind"))])
+    return ", ".join([_called(event), *_numbers(event, without=("when", "kind", "name"))])
 
 
 def _numbers(model: FileModel, without: tuple[str, ...] = ()) -> list[str]:
@@ -164,6 +169,9 @@ def _numbers(model: FileModel, without: tuple[str, ...] = ()) -> list[str]:
         part = getattr(model, name)
         if isinstance(value, bool):
             parts.append(_words(key) if value else f"not {_words(key)}")
+        elif isinstance(value, list) and all(isinstance(one, Distribution) for one in part):
+            unit = unit_of(field)
+            parts.append(f"{_words(key)} {' x '.join(map(_value, value))}{unit and f' {unit}'}")
         elif isinstance(value, list):
             parts.append(f"{len(value)} {_ONE.get(key, key) if len(value) == 1 else key}")
         elif isinstance(part, FileModel) and not isinstance(part, Distribution | Drawable):

@@ -1,7 +1,8 @@
 """A picture of a network: its road, its arms, and every route through the junction that scenarios may use.
 
-A route is coloured by its turn: its path (thick where it meets traffic of other arms), other lines to the
-same arm (thin), a bar where it stops, a dot where it waits inside the junction.
+A route, one for each lane that it may begin on, is coloured by its turn: its path (thick where it meets
+traffic of other arms), lines to other lanes of the same arm (thin), a bar where it stops, a dot where it
+waits inside the junction.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ LEAST_M = 70.0
 """m shown at least each way from the junction's centre, if the arms are that long"""
 BESIDE_M = 45.0
 """m shown at least around the junction itself"""
-LEGEND = "thick: meets traffic of other arms;  bar: stop line;  dot: where it waits inside the junction"
+LEGEND = (
+    "thick: meets traffic of other arms;  thin: to other lanes;  bar: stop line;  dot: where it waits inside"
+)
 ASIDE_M: dict[str, float] = {"left": 0.35, "straight": 0.0, "right": -0.35}
 """m by which a route is drawn to the left of its path, so that routes do not hide each other"""
 
@@ -33,7 +36,8 @@ def draw_network(network: Network) -> Image.Image:
     reach = min(network.half_extent, max(LEAST_M, size + BESIDE_M))
     canvas = new_map(network, reach)
     for movement in network.onward:
-        draw_route(canvas, network.route(movement.origin, movement.destination))
+        for lane in sorted({network.inbound_lane(row).index for row in movement.rows}):
+            draw_route(canvas, network.route(movement.origin, movement.destination, lane))
     name_arms(canvas, network, reach)
     turns = sorted({movement.turn for movement in network.onward}, key=list(TURNS).index)
     names = tuple((f"{turn}{GAP}", TURNS[turn]) for turn in turns)

@@ -118,9 +118,12 @@ class Hit(NamedTuple):
     """whose fault: `ego`, `other` or `shared`"""
     sudden: bool
     """whether an event put it so near that the ego could not stop"""
+    event: str = ""
+    """name of the event in which it takes part, or `event 2`; empty if it takes part in none"""
 
     def __str__(self) -> str:
-        return f"{self.hit}, fault {self.fault}{' (put too near to stop)' * self.sudden}"
+        of = f" of {self.event}" if self.event else ""
+        return f"{self.hit}{of}, fault {self.fault}{' (put too near to stop)' * self.sudden}"
 
 
 class Astray(NamedTuple):
@@ -220,12 +223,15 @@ class _Seen:
 
     def look(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Look at the scene after a decision."""
-        if met := result.advance.collision:
+        met = result.advance.collision
+        if met:
             self.hit = Hit(met.kind.name.lower(), met.fault, met.sudden)
         truth, world = self._episode.truth, self._episode.world
         ego, gaps = truth.ego, None
         for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
             rows = [i for i, name in enumerate(truth.ids) if name in happening.bodies]
+            if self.hit and met and met.other in happening.bodies:
+                self.hit = self.hit._replace(event=happening.event.name or f"event {number}")
             if happening.refused and not happening.no_room:
                 self.refused.add(number)
             if happening.begun_s is None or happening.is_over or not rows:

@@ -203,7 +203,8 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
             )
             yield f"lane {name} leads nowhere: no way from it reaches another arm{helps}"
     yield from _shared_lanes(network, arm)
-    for speed, names in fast.items():
+    for speed, fast_ones in fast.items():
+        names = [name for name in fast_ones if name in network.lane_names] or fast_ones
         have = f"lanes {', '.join(names)} have" if len(names) > 1 else f"lane {names[0]} has"
         yield f"{have} a limit of {speed:.1f} m/s; the ego drives at most {FAST:.0f} m/s"
 

@@ -79,8 +79,8 @@ def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
     if not groups:
         raise NetworkError(f"{path}: no junction with at least three arms in this network")
     raise NetworkError(
-        f"{path}: several junctions in this network; choose one by `junction: ID` in the scenario's file, or "
-        f"by --junction ID of `rudc network check`: {listed(names)}"
+        f"{path}: several junctions in this network; choose one by `junction: ID` in the scenario's file "
+        f"(of `rudc network check`: by --junction ID): {listed(names)}"
     )
 
 

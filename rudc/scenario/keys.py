@@ -19,7 +19,7 @@ from rudc.scenario.distributions import Bounds, Distribution
 from rudc.scenario.events import EVENT_KINDS, Event
 from rudc.scenario.model import Scenario
 from rudc.scenario.triggers import Conditions, OrName, Trigger
-from rudc.scenario.units import bounds_of, may_be_chosen, unit_of
+from rudc.scenario.units import bounds_of, marks_of, may_be_chosen, unit_of
 
 _PLAIN = {int: "whole number", float: "number"}
 """what a value of a plain type is, in an event of one's own"""
@@ -147,7 +147,7 @@ def _type(field: FieldInfo) -> str:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
         if _is_dict(field.annotation):
             return f"mapping, each {numbers}"
-        name = " | name" if any(isinstance(mark, OrName) for mark in field.metadata) else ""
+        name = " | name" if marks_of(field, OrName) else ""
         return f"[number, number], {numbers}" if len(bounds) == 2 else numbers + name
     words = ["true", "false"] if field.annotation is bool else _words(field.annotation)
     chosen = " | {choice: ...}" if may_be_chosen(field) else ""

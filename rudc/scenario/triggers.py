@@ -206,7 +206,7 @@ class Conditions(FileModel, frozen=True):
     traveled_distance: DistanceThreshold | None = None
     """m the ego has driven since the episode began"""
     relative_distance: RelativeDistance | None = None
-    """m between the ego and a surrounding vehicle, or what an event has put on the road"""
+    """m between the ego and a surrounding vehicle, or who or what takes part in an event"""
     time_headway: TimeHeadway | None = None
     """s of headway to a surrounding vehicle, by default the leader"""
     time_to_collision: TimeToCollision | None = None

@@ -22,15 +22,16 @@ def unit_of(field: FieldInfo) -> str:
 
 def bounds_of(field: FieldInfo) -> list[Bounds]:
     """Bounds of a number, or of each of two."""
-    return _marks_of(field, Bounds)
+    return marks_of(field, Bounds)
 
 
 def may_be_chosen(field: FieldInfo) -> bool:
     """Whether a file may leave a word to chance."""
-    return bool(_marks_of(field, OrChoice))
+    return bool(marks_of(field, OrChoice))
 
 
-def _marks_of(field: FieldInfo, kind: type[Mark]) -> list[Mark]:
+def marks_of(field: FieldInfo, kind: type[Mark]) -> list[Mark]:
+    """The marks of a kind on a field, or within its type."""
     own = [part for part in field.metadata if isinstance(part, kind)]
     return own or list(_marks_in(field.annotation, kind))
 

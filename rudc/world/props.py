@@ -4,8 +4,9 @@ A prop stands, or follows a polyline. A vehicle that follows one stops before th
 before surrounding vehicles (SVs), before pedestrians unless they come towards it, and behind props that go
 the same way, and goes on when the way is free. It stops for an ego below walking pace, but not for a faster
 one, since it is meant to be a hazard. While it is itself slower than walking pace, it stops for any ego that
-is before it or passes close by. A pedestrian stops only for what is there already, right before it, and walks
-past pedestrians who walk towards it. The yielding layer makes SVs see all props.
+is before it or passes close by, and lets one pass that would have to brake hard for it. A pedestrian stops
+only for what is there already, right before it, and walks past pedestrians who walk towards it. The yielding
+layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes
 back a step, and later to where they came from. One that somebody has run into may always go away from them,
@@ -44,6 +45,10 @@ ONWARD_M = 3.0
 """m: one that gets on by this much between is not held up for long"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
+NOTICES_S, GENTLY = 1.0, 3.0
+"""s, m/s2: a driver who sets off takes the ego to notice it so late, and to brake so hard"""
+LANE_M = 4.0
+"""m that it then looks farther ahead: as far as it drives before it does not stop for the ego any more"""
 PASSES_M = 0.5
 """m beside the way of a slow driver, within which an ego that moves is in it"""
 SAME_WAY = math.cos(math.pi / 4)
@@ -187,6 +192,11 @@ class Prop:
         return BRAKING if self._walks else min(BRAKING, self.grip)
 
     @property
+    def _is_slow(self) -> bool:
+        """Whether it is a driver slower than walking pace, who stops for any ego."""
+        return not self._walks and self.speed < min(WALKING_PACE, self.wanted)
+
+    @property
     def _is_held_up(self) -> bool:
         return self._held_s > PATIENCE_S and self.travelled > min(self.appeared_m, 0.0)
 
@@ -227,6 +237,8 @@ class Prop:
         """Whether `reach` m of its way before its front are free (behind its rear if negative). Somebody who
         has run into it is ignored if this way leads away from their middle.
         """
+        if reach > 0.0 and self._lets_pass(scene, reach + LANE_M):
+            return False
         middle = 0.5 * (math.copysign(self.length, reach) + reach)
         x, y, heading = self.pose()
         behind = (scene.position - (x, y)) @ (math.cos(heading), math.sin(heading)) * reach < 0.0
@@ -235,6 +247,19 @@ class Prop:
         rows = np.flatnonzero(behind)
         touched[rows] = gaps_to_ways(scene, rows, np.zeros(len(rows)), now) <= 0.0
         return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), self.look_s, touched)
+
+    def _lets_pass(self, scene: Scene, reach: float) -> bool:
+        """Whether it stands, or has just set off, and the ego would have to brake hard not to come where it
+        drives on its next `reach` m.
+        """
+        ego, body = scene.ego, scene.vehicle
+        if not self._is_slow or ego.v < STANDING:
+            return False
+        way = ego.v * NOTICES_S + ego.v**2 / (2 * GENTLY)
+        x, y = ego.x + 0.5 * way * math.cos(ego.psi), ego.y + 0.5 * way * math.sin(ego.psi)
+        box = *self.pose(0.5 * (self.length + reach)), reach, self.width
+        size = np.array([[body.length + way, body.width]])
+        return bool((rectangle_gaps(*box, np.array([[x, y]]), np.array([ego.psi]), size) <= PASSES_M).any())
 
     def _is_clear(
         self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float,
@@ -250,7 +275,7 @@ class Prop:
         """
         walks = self._walks
         ego, body = scene.ego, scene.vehicle
-        slow = not walks and self.speed < min(WALKING_PACE, self.wanted)
+        slow = self._is_slow
         if walks or slow or ego.v < WALKING_PACE or self._stepped_back > 0.0:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
             gaps = rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]]))

@@ -56,7 +56,7 @@ def test_of_several_junctions_one_must_be_chosen(tmp_path):
     del nodes["e"]
     pairs = [("c", "n"), ("c", "s"), ("c", "w"), ("c", "d"), ("d", "dn"), ("d", "ds"), ("d", "de")]
     path = build(tmp_path, nodes, [edge for pair in pairs for edge in both_ways(*pair)])
-    with pytest.raises(NetworkError, match=r"several junctions.*`junction: ID` .* --junction ID of .*: c, d"):
+    with pytest.raises(NetworkError, match=r"several junctions.*`junction: ID` .* by --junction ID\): c, d"):
         load_network(path)
     west, east = load_network(path, "c"), load_network(path, "d")
     assert (
