@@ -95,10 +95,9 @@ class Prop:
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         self.look_s = 0.1
         """s until a driver looks again: a decision"""
-        moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
-        way = way[moved]  # a leg of no length has no direction
-        legs = np.diff(way, axis=0)
-        self._way = way
+        self._follow(way)
+        if not self.moves:
+            self._headings = np.array([heading])
         self._free, self._back_is_free, self._gives_up = True, False, False
         self._stepped_back = 0.0
         self._held_s, self._long_s = 0.0, 0.0
@@ -106,8 +105,14 @@ class Prop:
         most, and one that counts on until the first has fallen to 0 or it has got on by ONWARD_M"""
         self._held_at = 0.0
         """m along its way, where the second began to count"""
+
+    def _follow(self, way: Array) -> None:
+        """Follow a way (K, 2) m from its begin."""
+        moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
+        self._way = way[moved]  # a leg of no length has no direction
+        legs = np.diff(self._way, axis=0)
         self._ends = np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))
-        self._headings = np.arctan2(legs[:, 1], legs[:, 0]) if wanted > 0 else np.array([heading])
+        self._headings = np.arctan2(legs[:, 1], legs[:, 0])
 
     @property
     def moves(self) -> bool:
@@ -164,7 +169,20 @@ class Prop:
             return False
         left = halt.duration_s - (dt if self.speed == 0.0 else 0.0)
         self.halt = halt._replace(duration_s=left) if left > 0.0 else None
+        if halt.turns_back and self.halt is None:
+            self._turn_back()
         return True
+
+    def _turn_back(self) -> None:
+        """Turn round, to where it appeared; it is gone if it is there."""
+        if self.travelled <= self.appeared_m:
+            self._gives_up, self._free = True, False
+            return
+        passed = self._way[1:-1][self._ends[:-1] < self.travelled]
+        here, there = self.pose()[:2], self.pose(self.appeared_m - self.travelled)[:2]
+        self.travelled = self.appeared_m = self.beyond_m = 0.0
+        self._held_s = self._long_s = self._held_at = self._stepped_back = 0.0
+        self._follow(np.array([here, *passed[::-1], there]))
 
     def _towards(self, wanted: float, dt: float) -> float:
         """m/s, its speed `dt` s later, if it speeds up or brakes until it drives `wanted` m/s."""

@@ -81,9 +81,8 @@ def test_a_part_by_its_key_or_its_last_word():
 
 def test_any_other_key_wherever_it_may_stand():
     assert [(section.name, [key.name for key in section.keys]) for section in sections("pause")] == [
-        (kind, ["pause", "pause.after", "pause.duration"])
-        for kind in EVENT_KINDS
-        if kind in ("pedestrian_crossing", "vehicle_crossing")
+        ("pedestrian_crossing", ["pause", "pause.after", "pause.duration", "pause.then"]),
+        ("vehicle_crossing", ["pause", "pause.after", "pause.duration"]),
     ]
     assert sections("events.3.pause") == sections("pause")
     assert sections("kind") == sections("events")

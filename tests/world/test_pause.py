@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.errors import ScenarioError
 from rudc.evaluation.preflight import never_happening
-from rudc.scenario import Scenario
+from rudc.scenario import Scenario, load_scenario
 from rudc.scenario.events.stage import Halt
 from rudc.world.props import LONG_S, Prop
 from rudc.world.scene import Kind
@@ -14,6 +15,7 @@ from tests.plans import event
 from tests.world.test_events import CALM
 
 STRAIGHT = np.array([[0.0, 0.0], [20.0, 0.0]])
+BACK = {"after": 4, "duration": 1.5, "then": "back"}
 EMPTY = replace(CALM, density=0.0, origin="south", turn="straight", speed=(0.0, 0.0))
 
 
@@ -30,6 +32,47 @@ def test_it_stops_where_it_should_and_goes_on_after_its_time():
     assert len(stands) * 0.1 == pytest.approx(2.0, abs=0.11)
     assert moved[: stands[0] - 3] == pytest.approx(0.15)
     assert moved[-20:] == pytest.approx(0.15)
+
+
+def test_who_turns_back_walks_to_where_they_appeared_and_is_gone():
+    bend = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 20.0]])
+    walker = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), bend, wanted=1.5)
+    walker.travelled = walker.appeared_m = -1.0
+    walker.halt = Halt(5.0, 1.0, turns_back=True)
+    places, headings = [], []
+    while not walker.finished:
+        walker.step(0.1)
+        x, y, heading = walker.pose()
+        places.append((x, y))
+        headings.append(round(heading, 2))
+    assert max(y for _, y in places) == pytest.approx(2.1, abs=0.2), "1 m before its way and 4 m along it"
+    assert places[-1] == pytest.approx((-1.0, 0.0), abs=0.16)
+    assert list(dict.fromkeys(headings)) == [0.0, 1.57, -1.57, 3.14]
+    gone = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), bend, wanted=0.1)
+    gone.halt = Halt(0.0, 0.2, turns_back=True)
+    for _ in range(4):
+        gone.step(0.1)
+    assert gone.finished, "it has not set out at all"
+
+
+def test_people_turn_back_all_at_once_and_riders_do_not(world):
+    back = event("pedestrian_crossing", arm="north", at=6, count=2, speed=1.5, pause=BACK)
+    world.reset(replace(EMPTY, events=(back,)).plan(0))
+    ways = {0: [], 1: []}
+    for _ in range(100):
+        world.advance(np.zeros(2))
+        scene = world.scene()
+        for k, way in ways.items():
+            if (name := f"pedestrian_crossing0:{k}") in scene.ids:
+                way.append(scene.position[scene.ids.index(name)])
+    for way in ways.values():
+        away = np.hypot(*(np.array(way) - way[0]).T)
+        assert away.max() == pytest.approx(4.0, abs=0.4)
+        assert away[-1] < 0.3
+    with pytest.raises(ScenarioError, match=r"pause\.then"):
+        load_scenario(
+            "random_destination", {"events": [{"kind": "vehicle_crossing", "arm": "north", "pause": BACK}]}
+        )
 
 
 def test_standing_on_purpose_is_not_being_held_up():

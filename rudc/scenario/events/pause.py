@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from rudc.scenario.base import FileModel
 from rudc.scenario.events.event import Duration
 from rudc.scenario.events.stage import Halt
@@ -17,6 +19,16 @@ class Pause(FileModel, frozen=True):
     """s that they stand"""
 
 
+class WalkersPause(Pause, frozen=True):
+    """As `Pause`, of people, who may think better of it."""
+
+    then: Literal["back"] | None = None
+    """`back`: they then go back to where they came from; by default on, to the other side"""
+
+
 def halt_of(pause: Pause | None) -> Halt | None:
     """Where those stop and for how long, once both are drawn; None where there is no pause."""
-    return None if pause is None else Halt(float(pause.after), float(pause.duration))
+    if pause is None:
+        return None
+    turns_back = isinstance(pause, WalkersPause) and pause.then == "back"
+    return Halt(float(pause.after), float(pause.duration), turns_back)

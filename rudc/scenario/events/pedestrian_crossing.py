@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from rudc.scenario.choices import Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Event, Passing
-from rudc.scenario.events.pause import Pause, halt_of
+from rudc.scenario.events.pause import WalkersPause, halt_of
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Metre
@@ -31,7 +31,7 @@ class PedestrianCrossing(Event, frozen=True):
     """how many, one behind the other"""
     from_side: Side = "right"
     """side they start from, as seen going towards the junction: on `ego_out`, `right` is the ego's left"""
-    pause: Pause | None = None
+    pause: WalkersPause | None = None
     """where they stop on their way, all at once, and for how long; by default nowhere"""
 
 

@@ -32,6 +32,8 @@ class Halt(NamedTuple):
     """m that it has moved by then"""
     duration_s: float
     """s that it stands"""
+    turns_back: bool = False
+    """whether it then goes back to where it appeared"""
 
 
 class Stage(ABC):
