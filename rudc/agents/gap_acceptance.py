@@ -24,6 +24,7 @@ import numpy as np
 
 from rudc.agents.base import Decision, unfiltered
 from rudc.agents.gaps import ACCELERATION, CRUISE, DECELERATION, SLOWEST, crossing, suffices
+from rudc.arrays import Array, Flags
 from rudc.env.tracking import (
     CALM_S,
     acceleration_towards,
@@ -45,6 +46,8 @@ LOOK_AHEAD = 50.0
 """m of the path that are searched for a leader"""
 BAND, BESIDE = 0.25, 0.1
 """m to each side of the ego that belong to the band; towards things that stand, if courses lead round them"""
+FINE: Array = np.array([-0.5, -0.25, 0.0, 0.25])
+"""m beside a station of the path at which things that stand are looked for, too"""
 PEDESTRIAN_S = (0.0, 1.0, 2.0)
 """s ahead at which pedestrians are looked for on the path"""
 
@@ -99,6 +102,8 @@ class GapAcceptance:
             dy = y - (scene.position + shift)[:, 1:]
             ahead = np.abs(dx * along[0][:, None] + dy * along[1][:, None]) < reach[:, :1]
             covered |= ahead & (np.abs(dy * along[0][:, None] - dx * along[1][:, None]) < reach[:, 1:])
+        if covered[stands].any():
+            covered[stands] &= _near(scene, stands, s, radius - BAND + self.beside)
         if front < scene.route.zone_start_s - 0.5 * scene.vehicle.length:
             across = (np.cos(scene.heading[:, None] - psi) < 0.7) & (speed > SLOWEST)[:, None]
             covered &= ~across | (scene.path < 0)[:, None]
@@ -136,6 +141,19 @@ class Planner(GapAcceptance):
 
     name = "planner"
     beside = BESIDE
+
+
+def _near(scene: Scene, who: Flags, s: Array, room: float) -> Array:
+    """(k, S) whether the rectangles of the k others `who` (N,) come nearer than `room` m to the path's line
+    within half a metre of each of its stations s (S,) m.
+    """
+    x, y, _ = scene.route.path.pose((s[:, None] + FINE).ravel())
+    psi, half = scene.heading[who, None], 0.5 * scene.size[who]
+    dx, dy = x - scene.position[who, :1], y - scene.position[who, 1:]
+    before = np.abs(dx * np.cos(psi) + dy * np.sin(psi)) - half[:, :1]
+    aside = np.abs(dy * np.cos(psi) - dx * np.sin(psi)) - half[:, 1:]
+    apart = np.hypot(np.maximum(before, 0.0), np.maximum(aside, 0.0))
+    return (apart < room).reshape(len(half), len(s), len(FINE)).any(axis=2)
 
 
 def _idm(v: float, v0: float, gap: float, leader_speed: float) -> float:

@@ -11,7 +11,7 @@ The ego must either be past that place before it does, or be able to stop before
     (way to the place) / v <= t      or      v^2 <= max(2 b (way to the place), CREEP^2)
 
 The same holds for a pedestrian who stands beside the ego's way, up to ASIDE m from its side, and faces it, as
-one who has stopped half-way over the road.
+one who has stopped half-way over the road; there b is GENTLY, since the road may be poorer than it seems.
 
 Who ran out may be followed by others. So where somebody crosses the ego's way and, TRAIL_S ago or less, was
 where the ego does not see now, the ego must be past with its whole length before another one who comes from
@@ -24,10 +24,11 @@ import math
 
 import numpy as np
 
+from rudc.agents.following import PLANNED as GENTLY
 from rudc.agents.hidden import BEFORE, CREEP, PLANNED, look_ahead
 from rudc.agents.kernels import nearest_hidden
 from rudc.arrays import Array
-from rudc.env.tracking import at_most, slowing
+from rudc.env.tracking import at_most, planned, slowing
 from rudc.world.perception import in_sight
 from rudc.world.scene import STANDING, Kind, Scene
 
@@ -72,7 +73,7 @@ def ready_for_setting_off(scene: Scene, u: Array) -> Array:
     who = np.flatnonzero((scene.kind == Kind.PEDESTRIAN) & (scene.speed <= STANDING))
     if scene.ego.v <= CREEP or not len(who):
         return u
-    body, braking = scene.vehicle, PLANNED * -scene.vehicle.a_min
+    body, braking = scene.vehicle, planned(scene, GENTLY)
     way = np.arange(FINE, look_ahead(scene, AHEAD, braking), FINE)
     x, y, psi = scene.route.path.pose(scene.front_s + way)
     for i in who.tolist():

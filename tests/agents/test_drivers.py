@@ -72,15 +72,25 @@ def test_gap_acceptance_does_not_mind_the_lane_beside(scene_on):
 
 
 @pytest.mark.parametrize(
-    ("gap", "speed", "goes"),
-    [(0.2, 0.0, {Planner}), (0.3, 0.0, {Planner, GapAcceptance}), (0.05, 0.0, set()), (0.2, 1.0, set())],
+    ("gap", "speed", "goes", "turned"),
+    [
+        (0.2, 0.0, {Planner}, 0.0),
+        (0.3, 0.0, {Planner, GapAcceptance}, 0.0),
+        (0.05, 0.0, set(), 0.0),
+        (0.2, 1.0, set(), 0.0),
+        (0.15, 0.0, {Planner}, 45.0),
+        (0.05, 0.0, set(), 45.0),
+    ],
 )
-def test_planner_passes_what_stands_as_near_as_its_courses_lead_it(scene_on, gap, speed, goes):
-    """It stood for good before a strip of rubber that its course passes with 0.2 m."""
+def test_planner_passes_what_stands_as_near_as_its_courses_lead_it(scene_on, gap, speed, goes, turned):
+    """It stood for good before a strip of rubber that its course passes with 0.2 m, and beside the corner of
+    a lorry that stands across.
+    """
     route = load_network("four_way").route("south", "straight")
-    x, y, psi = (float(v) for v in route.path.pose(68.0))
-    aside = 0.5 * (route.key.vehicle.width + 1.8) + gap
-    thing = Other(-1, 0.0, speed, (x + aside * math.sin(psi), y - aside * math.cos(psi), psi))
+    turn = math.radians(turned)
+    x, y, psi = (float(v) for v in route.path.pose(64.0 if turned else 68.0))
+    aside = 0.5 * (route.key.vehicle.width + 5.0 * math.sin(turn) + 1.8 * math.cos(turn)) + gap
+    thing = Other(-1, 0.0, speed, (x + aside * math.sin(psi), y - aside * math.cos(psi), psi + turn))
     scene = scene_on("south", "straight", 62.0, 0.0, (thing,))
     assert {driver for driver in (Planner, GapAcceptance) if act(driver(), scene)[0] > 0.5} == goes
 

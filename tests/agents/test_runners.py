@@ -105,7 +105,8 @@ def test_it_can_stop_for_who_stands_half_way_over_the_road_or_is_past_before_the
     room = scene.ego_s + 20.0 - ways
     for v, way in zip(speeds[room > 0.0], room[room > 0.0], strict=True):
         passes = way / v <= aside / RUNS + 1e-6
-        assert passes or v <= CREEP + 0.1 or v * v / (2 * 6.0) <= way
+        least = 6.0 if way > 18.0 else 3.4  # m/s2: after its first decisions it could stop also on ice
+        assert passes or v <= CREEP + 0.2 or v * v / (2 * least) <= way + 0.1
     assert CREEP - 0.1 <= speeds.min() < 8.0
     assert speeds[-1] > speeds.min() + 2.0, "then it goes on"
 
