@@ -143,7 +143,7 @@ class Planner(GapAcceptance):
     beside = BESIDE
 
 
-def _near(scene: Scene, who: Flags, s: Array, room: float) -> Array:
+def _near(scene: Scene, who: Flags, s: Array, room: float) -> Flags:
     """(k, S) whether the rectangles of the k others `who` (N,) come nearer than `room` m to the path's line
     within half a metre of each of its stations s (S,) m.
     """
@@ -153,7 +153,7 @@ def _near(scene: Scene, who: Flags, s: Array, room: float) -> Array:
     before = np.abs(dx * np.cos(psi) + dy * np.sin(psi)) - half[:, :1]
     aside = np.abs(dy * np.cos(psi) - dx * np.sin(psi)) - half[:, 1:]
     apart = np.hypot(np.maximum(before, 0.0), np.maximum(aside, 0.0))
-    return (apart < room).reshape(len(half), len(s), len(FINE)).any(axis=2)
+    return np.any((apart < room).reshape(len(half), len(s), len(FINE)), axis=2)
 
 
 def _idm(v: float, v0: float, gap: float, leader_speed: float) -> float:
