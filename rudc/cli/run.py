@@ -202,7 +202,7 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
     options = ("--fcd-output", str(files.fcd.absolute())) if files.fcd is not None else ()
     with ExitStack() as ends, World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)
-        trace, recording = Trace(), Recording(episode, driver)
+        trace, recording = Trace(driver.ego_driver), Recording(episode, driver)
         film = Film(episode, driver.name)
         watchers: list[Watcher] = []
         if files.steps is not None:

@@ -123,6 +123,11 @@ def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
     if math.isnan(rate.value):
         told = "cannot be told yet, as no episode that counts for it could be run"
     typer.echo(f"violation rate of {scenario} as declared: {told}")
+    if not math.isnan(rate.value):
+        typer.echo(
+            "  the sum of `weight` over the violations in evaluations.csv "
+            f"from seed {found.counted_from} on, divided by the number of these episodes"
+        )
     if rate.ceiling > rate.high:
         typer.echo(
             f"  if they lie only where some were found; wherever they lie, at most {_percent(rate.ceiling)} %"

@@ -17,13 +17,16 @@ if TYPE_CHECKING:
     from rudc.agents.base import Decision
     from rudc.env.episode import StepResult
     from rudc.vehicle import Actuation
+    from rudc.world.config import EgoDriver
     from rudc.world.scene import Scene
 
 
 class Trace:
     """Keeps the decisions of one episode; `watch` is for `run_episode`."""
 
-    def __init__(self) -> None:
+    def __init__(self, ego_driver: EgoDriver = "agent") -> None:
+        """`ego_driver`: who drives the ego. If SUMO does, there are no commands: their cells stay empty."""
+        self._ego_driver = ego_driver
         self._rows: list[dict[str, object]] = []
         self._conduct = Conduct()
 
@@ -32,6 +35,9 @@ class Trace:
         ego, corrected = scene.ego, decision.corrected
         x, y = (scene.ego_position - scene.network.center).tolist()
         unsure, by_route = decision.uncertainty, decision.by_route
+        commands = np.append(decision.u_rl, decision.u)
+        if self._ego_driver == "sumo":
+            commands = np.full(4, math.nan)
         unusual = np.flatnonzero(self._conduct.look(scene)).tolist()
         row: dict[str, object] = {
             "time_s": scene.time_s,
@@ -39,12 +45,13 @@ class Trace:
             "y_m": y,
             "heading_rad": ego.psi,
             "speed_mps": ego.v,
+            "ego_acceleration_mps2": ego.acceleration,
             "route_s_m": scene.ego_s,
             "route_offset_m": scene.ego_offset,
-            "proposed_acceleration_mps2": decision.u_rl[0],
-            "proposed_steering_rad": decision.u_rl[1],
-            "acceleration_mps2": decision.u[0],
-            "steering_rad": decision.u[1],
+            "proposed_acceleration_mps2": commands[0],
+            "proposed_steering_rad": commands[1],
+            "acceleration_mps2": commands[2],
+            "steering_rad": commands[3],
             "sigma": decision.sigma,
             "sigma_epi": float(unsure.epistemic) if unsure else math.nan,
             "sigma_ale": float(unsure.aleatoric) if unsure else math.nan,

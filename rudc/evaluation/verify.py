@@ -1,8 +1,9 @@
 """Whether a sweep can be believed: a sample of its episodes run again, and compared with their rows.
 
-Timing columns are left out. On the machine that made the rows, with the same versions, they come out the same
-to the last digit; elsewhere a difference in rounding may grow, in a few episodes, into another course of
-events.
+They are run in another order, so that the rows of an agent that keeps something from one episode to the next
+come out differently. Timing columns are left out. On the machine that made the rows, with the same versions,
+they come out the same to the last digit; elsewhere a difference in rounding may grow, in a few episodes, into
+another course of events.
 """
 
 from __future__ import annotations
@@ -94,6 +95,7 @@ def verify_sweep(
     progress = progress or Silent()
     progress.begin(len(reruns), 0, ())
     tasks = [rerun.task for rerun in reruns.values()]
+    tasks = [tasks[k] for k in np.random.default_rng(seed).permutation(len(tasks))]
     make_runner = prepared(make_runner, {task.agent for task in tasks})
     other = []
     with closing(ENGINES["local"].run(tasks, workers, limit_s, make_runner)) as results:  # pyright: ignore

@@ -47,6 +47,11 @@ def test_what_is_found_is_said_and_runs_again(rudc, tmp_path):
     assert first.status == 0
     assert f"violations: {len(rows)} of 8 episodes: " in first.out
     assert "violation rate of dense_left_turn as declared: " in first.out
+    every = read_table(tmp_path / "out put" / "evaluations.csv")
+    violations = {row["seed"] for row in rows}
+    rate = sum(float(row["weight"]) for row in every if row["seed"] in violations) / len(every)
+    assert f"as declared: {100 * rate:.3g} % [" in first.out, "anybody can reckon it again"
+    assert f"from seed {every[0]['seed']} on, divided by the number of these episodes" in first.out
     assert "likeliest where: " in first.out
     assert "over ego.speed, ego.distance, traffic.density" in first.err
     told = next(line for line in first.err.splitlines() if line.startswith("the first again: rudc "))
@@ -57,7 +62,7 @@ def test_what_is_found_is_said_and_runs_again(rudc, tmp_path):
 
 
 def told(capsys, tmp_path, rate, region=None):
-    search._tell(Findings(9, (4,) if region else (), {}, (), rate, region), tmp_path, "mine", "follower")
+    search._tell(Findings(9, (4,) if region else (), {}, (), rate, 3, region), tmp_path, "mine", "follower")
     return capsys.readouterr().out
 
 
@@ -84,7 +89,7 @@ def test_how_many_violations_lie_where_they_are_likeliest(capsys, tmp_path, viol
 
 def test_files_that_were_imported_first_are_in_the_command_for_the_first_again(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr("rudc.imports._asked", {"/my files/oil.py": None, "mine.events": None})
-    findings = Findings(9, (4,), {}, (), Rate(0.1, 0.05, 0.2, 0.2), Region({}, 1, 9, 1))
+    findings = Findings(9, (4,), {}, (), Rate(0.1, 0.05, 0.2, 0.2), 0, Region({}, 1, 9, 1))
     search._tell(findings, tmp_path, "mine", "follower")
     command = shlex.split(capsys.readouterr().err.partition("the first again: ")[2].partition("\n")[0])
     assert command[:6] == ["rudc", "--import", "/my files/oil.py", "--import", "mine.events", "run"]

@@ -111,6 +111,26 @@ def test_places_in_a_trace_count_from_the_junctions_centre_as_in_scenario_files(
     np.testing.assert_allclose(rows, there, atol=1e-5)
 
 
+@pytest.mark.parametrize(("name", "commands"), [("sumo", False), ("follower", True)])
+def test_a_trace_says_how_the_ego_speeds_up_and_has_no_commands_where_sumo_drives(
+    episode, tmp_path, name, commands
+):
+    """It wrote the zeros that the world ignores."""
+    agent = make_agent(name)
+    trace = Trace(agent.ego_driver)
+    run_episode(episode, load_scenario("random_destination").plan(2), agent, watch=trace.watch)
+    trace.save(tmp_path / "steps.csv")
+    with (tmp_path / "steps.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    speed = np.array([float(row["speed_mps"]) for row in rows])
+    felt = np.array([float(row["ego_acceleration_mps2"]) for row in rows])
+    assert np.corrcoef(felt[1:], np.diff(speed))[0, 1] > 0.8
+    assert np.median(np.abs(felt[1:] - np.diff(speed) / 0.1)) < 0.1
+    assert abs(felt).max() > 0.5
+    told = ("proposed_acceleration_mps2", "proposed_steering_rad", "acceleration_mps2", "steering_rad")
+    assert {bool(row[key]) for row in rows for key in told} == {commands}
+
+
 def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
     plan, agent = (
         load_scenario("blocked_left_turn", {"episode.timeout": 15}).plan(1),

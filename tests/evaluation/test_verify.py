@@ -229,3 +229,19 @@ def test_the_only_copy_of_a_network_is_taken_though_the_scenario_has_changed(cop
     again = Swept(copied).episode(1)
     assert again.task.scenario.network == str(copy)
     assert again.changes[0] == "the scenario, or a file that it names, means something else now"
+
+
+def test_an_agent_that_keeps_something_from_one_episode_to_the_next_comes_out_differently(
+    tmp_path, monkeypatch
+):
+    """Run again in the same order, each episode found what the one before had left."""
+    (tmp_path / "tired.py").write_text(
+        "class Tired:\n    episodes = 0\n    def reset(self, scene, seed): self.episodes += 1\n"
+        "    def act(self, scene): return -0.5 * self.episodes, 0\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario("random_destination", {"episode.timeout": 1})
+    run_sweep(SweepPlan((scenario,), ("tired.py:Tired",), 4, 0), tmp_path / "swept", EpisodeRunner)
+    found = verify_sweep(tmp_path / "swept", EpisodeRunner, share=1.0)
+    assert found.again == 4
+    assert found.other

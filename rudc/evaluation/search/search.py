@@ -53,6 +53,8 @@ class Findings:
     """errors of the episodes that could not be run"""
     rate: Rate
     """rate of violations under the declared distribution"""
+    counted_from: int
+    """seed from which on episodes count for the rate"""
     region: Region | None
     """where violations are likeliest; None without any"""
 
@@ -151,5 +153,6 @@ def _findings(folder: SearchFolder, plan: SearchPlan, asked: Sequence[Batch]) ->
         dict(kinds.most_common()),
         tuple(row["error"] for row in rows if row["error"]),
         violation_rate(violated, able, weights, fitted),
+        plan.seed + (int(fitted.argmax()) if np.count_nonzero(fitted) >= BATCH else 0),
         likeliest_region(keys, values[able], violated[able], weights[able]) if those else None,
     )
