@@ -48,7 +48,7 @@ def vary(config: AgentConfig, changes: Mapping[str, Any]) -> AgentConfig:
     """A learnt agent's configuration with settings changed. Raises AgentError."""
     for key in changes:
         section = key.partition(".")[0]
-        if section in ("algorithm", "observation", "learner", "training"):
+        if section in ("algorithm", "observation", "action", "learner", "training"):
             raise AgentError(f"agent setting {key!r} decides what is learnt: give it to `rudc train --set`")
     return _changed(config, changes)
 

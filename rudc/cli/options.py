@@ -16,8 +16,7 @@ Workers = Annotated[
 ResultsFolder = Annotated[
     Path | None,
     typer.Option(
-        "--out", "-o", metavar="DIR",
-        help="Folder for the results; must be given unless there are none (`--verify`, `list`).",
+        "--out", "-o", metavar="DIR", help="Folder for the results.",
     ),
 ]  # fmt: skip
 LiveReport = Annotated[

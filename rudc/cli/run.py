@@ -89,11 +89,14 @@ def run(
     from rudc.reporting.html.page import check_page
     from rudc.reporting.replay.page import WHAT, save_replay
     from rudc.scenario import load_scenario
+    from rudc.scenario.library import overlooked
     from rudc.tracebacks import own_traceback
     from rudc.world.fitting import misfits
 
     drivers = [make_agent(name) for name in agents or ["gap-acceptance"]]
     _check_several(len(drivers), {"--video": video, "--steps": steps, "--fcd": fcd, "--gui": gui}, replay)
+    for text in overlooked([source]):
+        warn(f"warning: {text}")
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
     note_sweep(scenario)
     if video is not None:

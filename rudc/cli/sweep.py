@@ -39,7 +39,7 @@ def sweep(
         list[str] | None,
         typer.Argument(
             metavar="SCENARIO...",
-            help="Shipped names, files, or patterns of either.",
+            help="Shipped names, files, or patterns of either: `'*left*'`, `'my*.yaml'`.",
             autocompletion=complete_scenarios,
         ),
     ] = None,
@@ -221,8 +221,11 @@ def _plan(
     from rudc.evaluation.preflight import never_happening
     from rudc.evaluation.tasks import SweepPlan
     from rudc.scenario import find_scenarios, shipped_scenarios
+    from rudc.scenario.library import overlooked
     from rudc.world.fitting import misfits
 
+    for text in overlooked(scenarios):
+        warn(f"warning: {text}")
     if shipped:
         scenarios = [*shipped_scenarios(), *scenarios]
         agents = agents or list(SHIPPED_AGENTS)
@@ -239,8 +242,9 @@ def _plan(
         for text in never_happening(scenario):
             warn(f"warning: {scenario.name}: {text}")
     each = tuple(dict.fromkeys(agents))
-    if twice := [name for name in each if agents.count(name) > 1]:
-        warn(f"warning: --agent names {', '.join(twice)} more than once; each counts once")
+    for what, given in (("--agent", agents), ("SCENARIO", scenarios)):
+        if twice := [name for name in dict.fromkeys(given) if given.count(name) > 1]:
+            warn(f"warning: {what} names {', '.join(twice)} more than once; each counts once")
     return SweepPlan(found, each, episodes, seed)
 
 

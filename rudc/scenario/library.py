@@ -77,10 +77,23 @@ def existing_files(patterns: Sequence[str]) -> tuple[list[Path], list[str]]:
             missing.append(str(error))
             continue
         if not paths:
-            missing.append(f"{pattern}: no scenario fits this pattern")
+            files = "" if _is_path(pattern) else f"{pattern}.yaml"
+            hint = f"; {files} would take files" if files and _matching(files) else ""
+            missing.append(f"{pattern}: no scenario fits this pattern{hint}")
         for path in paths:
             found.setdefault(path.resolve(), path)
     return list(found.values()), missing
+
+
+def overlooked(sources: Sequence[str]) -> list[str]:
+    """A line for each name that means a shipped scenario although a file of that name lies here."""
+    names = [source for source in dict.fromkeys(sources) if source in shipped_scenarios()]
+    found = [(name, f"{name}{suffix}") for name in names for suffix in SUFFIXES]
+    return [
+        f"{name} is the scenario that comes with RUDC; write ./{file} for the file of that name here"
+        for name, file in found
+        if os.path.isfile(file)
+    ]
 
 
 def find_parent(name: str, child: Path) -> Path | None:

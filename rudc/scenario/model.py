@@ -51,6 +51,9 @@ _EGO, _TRAFFIC, _EPISODE, _WORLD, _SHARED, _FIRST_EVENT = 1, 2, 3, 4, 5, 16
 GRID_LIMIT = 10_000
 """points of a `sweep` beyond which it is taken for a mistake"""
 
+LONGEST_NAME = 100
+"""characters of a scenario's name"""
+
 Scalar = bool | float | int | str
 
 
@@ -61,7 +64,11 @@ def is_plain_name(name: str) -> bool:
 
 def _plain_name(name: str) -> str:
     if not is_plain_name(name):
-        refuse(f"expected a name of letters, digits, '_', '-' and '.'; got {name!r}")
+        refuse(f"expected a name of letters a to z, digits, '_', '-' and '.'; got {name!r}")
+    if len(name) > LONGEST_NAME:
+        refuse(
+            f"expected a name of at most {LONGEST_NAME} characters: files are named by it; got {len(name)}"
+        )
     return name
 
 

@@ -74,6 +74,7 @@ def test_a_learnt_agents_configuration_is_varied():
             "'correction.pedroom' with correction.kind=cbf; a barrier of your own comes with `rudc --",
         ),
         ("rudc-t:learner.n_step=1", "give it to `rudc train --set`"),
+        ("rudc-t:action.adjustment=0.5", "decides what is learnt"),
         ("rudc-t:d_safe=1", "did you mean 'correction.d_safe'"),
         ("rudc-t:filter=off", "it is called correction.kind"),
         ("rudc-t:slack_gain=0", "it is called correction.slack.gain"),

@@ -4,6 +4,7 @@ import pytest
 
 from rudc.errors import ScenarioError
 from rudc.scenario import find_scenarios, load_scenario, scenario_template, shipped_scenarios
+from rudc.scenario.library import overlooked
 
 
 @pytest.fixture
@@ -84,6 +85,20 @@ def test_what_is_not_there(folder, source, message):
         assert all(part in str(caught.value) for part in message.split("..."))
 
 
+def test_a_pattern_of_names_says_how_files_are_meant(folder):
+    (folder / "zzz_own.yaml").write_text("name: zzz_own\n")
+    with pytest.raises(ScenarioError, match=r"no scenario fits this pattern; zzz\*\.yaml would take files"):
+        find_scenarios(["zzz*"])
+
+
+def test_a_file_with_the_name_of_a_shipped_scenario_is_told(tmp_path, monkeypatch):
+    """`rudc run fog` drove the shipped one without a word."""
+    monkeypatch.chdir(tmp_path)
+    assert overlooked(["fog", "fog"]) == []
+    (tmp_path / "fog.yaml").write_text("name: fog\nnetwork: four_way\n")
+    assert len(overlooked(["fog", "fog", "icy_junction", "./fog.yaml"])) == 1
+
+
 def test_everything_missing_is_said_at_once(folder):
     with pytest.raises(ScenarioError) as caught:
         find_scenarios(["nope*", "a.yaml", "no.yaml"])
@@ -118,3 +133,10 @@ def test_template_points_editors_to_a_schema_if_there_is_one():
     assert "$schema" not in scenario_template("mine")
     first = scenario_template("mine", schema="scenario.schema.json").splitlines()[0]
     assert first == "# yaml-language-server: $schema=scenario.schema.json"
+
+
+def test_a_name_is_short_enough_for_a_file():
+    """A search drove all its episodes, and could not write what it had found."""
+    assert load_scenario("fog", {"name": "n" * 100}).name == "n" * 100
+    with pytest.raises(ScenarioError, match="at most 100 characters"):
+        load_scenario("fog", {"name": "n" * 101})
