@@ -18,7 +18,7 @@ from rudc.network.polyline import (
     wrap,
 )
 from rudc.network.reader import VEHICLE_CLASS, Junction, Way, leads_on
-from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, ReservedLane, Turn
+from rudc.network.road import COMPASS, RAILS, ROAD_USERS, Arm, Lane, Movement, ReservedLane, Turn
 from rudc.network.sides import RawArm, place_along, shape_of
 
 STRAIGHT = np.radians(30.0)
@@ -94,11 +94,12 @@ def _closed_edges(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
 
 
 def lanes_without_cars(junction: Junction, arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
-    """Lanes at the junction that are closed to cars but open to other road users: id -> who may use it."""
+    """Lanes at the junction that are closed to cars but open to others, trams and trains included: id -> who
+    may use it."""
     edges = [edge for arm in arms for edge in (*arm.inbound, *arm.outbound)]
     lanes = [lane for edge in (*edges, *_closed_edges(junction, arms)) for lane in edge.getLanes()]
     users = {
-        lane.getID(): tuple(user for user in ROAD_USERS if lane.allows(user))
+        lane.getID(): tuple(user for user in (*ROAD_USERS, *RAILS) if lane.allows(user))
         for lane in lanes
         if not lane.allows(VEHICLE_CLASS)
     }

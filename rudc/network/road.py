@@ -17,6 +17,8 @@ COMPASS = ("east", "northeast", "north", "northwest", "west", "southwest", "sout
 
 ROAD_USERS = ("passenger", "truck", "bus", "motorcycle", "bicycle")
 """SUMO's vehicle classes that traffic is made of"""
+RAILS = ("tram", "rail_urban", "rail", "rail_electric", "rail_fast")
+"""SUMO's vehicle classes that run on rails: no traffic here"""
 
 
 def may_mean(name: str, names: Iterable[str]) -> list[str]:

@@ -167,6 +167,13 @@ def test_lanes_for_buses_are_named_as_left_out(tmp_path):
     assert not any("north_out_0" in warning for warning in warnings), "a pavement is no part of the road"
 
 
+@pytest.mark.parametrize("who", ["rail", "tram"])
+def test_rails_are_named_as_left_out(tmp_path, who):
+    """An arm for trains was missing from the table without a word."""
+    warnings = changed(tmp_path, ('id="west_in_0" index="0"', f'id="west_in_0" index="0" allow="{who}"'))
+    assert any(f"lane west_in_0 is closed to cars (for {who} only) and left out" in w for w in warnings)
+
+
 def test_waiting_cars_that_overlap_are_named():
     network = load_network("four_way")
     one, other = network.route("south", "left"), network.route("west", "left")
