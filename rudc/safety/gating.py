@@ -17,6 +17,10 @@ A body that stands needs no prediction. It is let through only if, besides, its 
 PASSING to the ego's rectangle on the ego's way: by ellipse and distance alone, a gap of a metre and a half
 would count as closed.
 
+Nor is a vehicle that comes towards the ego on its own path, and drives past it, if their rectangles stay the
+gate distance apart on the way, whether the ego goes on at its speed or accelerates: else the ego would stop
+in a narrow road for each that comes on the lane beside.
+
 A vehicle that drives behind the ego on the ego's own path is neither let through nor in conflict, since it is
 that vehicle's task to keep its distance. The barrier would push the two apart: a vehicle that comes from
 behind at constant speed would make a waiting ego drive into the one ahead.
@@ -67,7 +71,9 @@ class Gate:
         way = self._horizon * max(ego.v, SLOWEST) * _SHARES
         return let_through(
             *bodies(scene), *lines(scene), scene.route.path.poses, scene.ego_s,
-            complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, self._times, self._gap, short, stretch,
+            complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v,
+            min(GO_ACCELERATION, body.a_max), min(GO_SPEED, body.v_max),
+            self._times, self._gap, short, stretch,
             TAIL, LANE, ALONG, STILL, PASSING, way, 0.5 * body.length, 0.5 * body.width,
         )  # fmt: skip
 

@@ -29,6 +29,11 @@ CLOSER, LEAST = 0.03, 0.12
 left
 """
 
+OPPOSITE = 0.7
+"""cosine of the angle between the ego's direction and the opposite of another's, above which that one comes
+towards the ego
+"""
+
 # ---- prediction
 
 
@@ -227,20 +232,59 @@ def least_separation(
 
 
 @kernel
+def two_ways(
+    line: Table, ego_s: float, ego: complex, ego_heading: complex, speed: float, acceleration: float,
+    top: float, times: Vector,
+) -> tuple[NewPlaceTable, NewPlaceTable, float]:  # fmt: skip
+    """(2, T) m, (2, T) and m: positions and directions at `times` (T,) s of an ego that goes on along its
+    line at `speed` m/s, or from there at `acceleration` m/s2 up to `top` m/s; and the longer way's length.
+    """
+    there, turned = np.empty((2, len(times)), np.complex128), np.empty((2, len(times)), np.complex128)
+    rising = np.minimum(times, max(top - speed, 0.0) / acceleration)
+    going = speed * times + acceleration * rising * (times - 0.5 * rising)
+    there[0], turned[0] = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
+    there[1], turned[1] = follow(line, len(line), 0, ego_s, ego, ego_heading, going)
+    return there, turned, going[-1]
+
+
+@kernel
+def drives_past(
+    ego: PlaceTable, ego_facing: PlaceTable, length: float, width: float, place: Places, facing: Places,
+    its_length: float, its_width: float, gap: float,
+) -> bool:  # fmt: skip
+    """Whether a body with poses `place` (T,) m and `facing` (T,) drives past an ego with poses (W, T) in the
+    opposite direction, and their rectangles stay `gap` m apart. Lengths and widths are half sizes, m.
+    """
+    for w in range(len(ego)):
+        least, across = 1e300, 1.0
+        for t in range(len(place)):
+            apart = separation(
+                place[t] - ego[w, t], ego_facing[w, t], facing[t], length, width, its_length, its_width
+            )
+            if apart < least:
+                least, across = apart, (ego_facing[w, t] * facing[t].conjugate()).real
+        if least < gap or across > -OPPOSITE:
+            return False
+    return True
+
+
+@kernel
 def let_through(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, line: Table, ego_s: float,
-    ego: complex, ego_heading: complex, speed: float, times: Vector, gap: float, short: Table, stretch: Table,
-    tail: float, lane: float, along: float, still: float, passing: float, way: Vector,
-    length: float, width: float,
+    ego: complex, ego_heading: complex, speed: float, acceleration: float, top: float, times: Vector,
+    gap: float, short: Table, stretch: Table, tail: float, lane: float, along: float, still: float,
+    passing: float, way: Vector, length: float, width: float,
 ) -> NewRows:  # fmt: skip
-    """(n,) indices of the others that meet the ego (`meeting`), unless they drive behind it (`follows`) or
-    stand and the ego passes them.
+    """(n,) indices of the others that meet the ego (`meeting`), unless they drive behind it (`follows`),
+    stand and the ego passes them, or come towards it on their own path and drive past it (`drives_past`).
 
-    The ego is at `ego` m facing `ego_heading` at `speed` m/s; its half sizes are `length` and `width` m. A
-    body slower than `still` m/s stands. The ego passes it if their rectangles stay `passing` m apart at all
-    points of the ego's `way` (m) or, where they are nearer than that now but do not touch, `creeping_past`.
+    The ego is at `ego` m facing `ego_heading` at `speed` m/s; it goes on at that speed or at `acceleration`
+    m/s2 up to `top` m/s. Its half sizes are `length` and `width` m. A body slower than `still` m/s stands.
+    The ego passes it if their rectangles stay `passing` m apart at all points of the ego's `way` (m) or,
+    where they are nearer than that now but do not touch, `creeping_past`.
     """
+    on, facing_on, _ = two_ways(line, ego_s, ego, ego_heading, speed, acceleration, top, times)
     there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
         position, heading, velocity, size, path, path_s, poses, stations, there.reshape(1, -1),
@@ -261,6 +305,13 @@ def let_through(
             least = least_separation(there, turned, length, width, here, direction, half[0], half[1])
             if least >= min(passing, creeping_past(now)) and now > 0.0:
                 continue
+        elif path[i] >= 0:
+            far = times * math.hypot(velocity[i, 0], velocity[i, 1])
+            its, its_facing = other_ahead(
+                position, heading, velocity, size, path, path_s, poses, stations, i, far
+            )
+            if drives_past(on, facing_on, length, width, its, its_facing, half[0], half[1], gap):
+                continue
         found[count] = i
         count += 1
     return found[:count].copy()
@@ -277,13 +328,9 @@ def in_conflict(
     behind it. The ego goes on along its line either at `speed` m/s or, from there, at `acceleration` m/s2 up
     to `top` m/s.
     """
-    there, turned = np.empty((2, len(times)), np.complex128), np.empty((2, len(times)), np.complex128)
-    rising = np.minimum(times, max(top - speed, 0.0) / acceleration)
-    going = speed * times + acceleration * rising * (times - 0.5 * rising)
-    there[0], turned[0] = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
-    there[1], turned[1] = follow(line, len(line), 0, ego_s, ego, ego_heading, going)
+    there, turned, reach = two_ways(line, ego_s, ego, ego_heading, speed, acceleration, top, times)
     met = meeting(
-        position, heading, velocity, size, path, path_s, poses, stations, there, turned, times, going[-1],
+        position, heading, velocity, size, path, path_s, poses, stations, there, turned, times, reach,
         0.0, short, stretch,
     )  # fmt: skip
     behind = driving_behind(

@@ -57,6 +57,23 @@ class TestGate:
         assert vehicles(make_scene([on_path])) == set()
         assert vehicles(make_scene([straight])) == set()
 
+    @pytest.mark.parametrize(
+        ("beside", "width", "row", "threat"),
+        [
+            (2.8, 1.8, 1, False),
+            (2.5, 1.8, 1, True),
+            (3.2, 2.5, 1, False),
+            (3.0, 2.6, 1, True),
+            (2.8, 1.8, -1, True),
+        ],
+    )
+    def test_oncoming_on_a_narrow_road_is_one_only_if_it_passes_closely(
+        self, beside: float, width: float, row: int, threat: bool
+    ) -> None:
+        """On lanes of 2.8 m the ego stopped for each car that came on the lane beside."""
+        coming = Other(20.0, beside, math.pi, 8.0, row=row, s=80.0, width=width)
+        assert vehicles(make_scene([coming])) == ({"sv0"} if threat else set())
+
     def test_crossing_is_a_threat_if_both_arrive_together(self) -> None:
         def north(s: float) -> Other:
             return Other(0.0, s - 100.0, math.pi / 2, 8.0, row=0, s=s)

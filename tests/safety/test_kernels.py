@@ -284,6 +284,8 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     bodies[0][12:40:4], size[12:40:4] = [3.5, -10.0], 2.0  # and some stand beside
     bodies[1][:40] = 1.5
     bodies[0][40], size[40], bodies[1][40] = [-1.65, -23.0], [2.0, 1.8], 1.5  # and one nearer already
+    bodies[0][41:60], bodies[1][41:60], bodies[4][41:60] = [-2.7, -19.0], -1.6, 0  # and some come towards it
+    bodies[5][41:60], size[41:60] = 81.0, np.linspace([4.0, 1.6], [4.0, 3.6], 19)
     line = tracks[0][: tracks[1]]
     s, here, heading, half = 80.0, 0.5 - 20j, np.exp(1.5j), np.full((2, 300), 2.0)
     ego = here, heading, 7.0
@@ -294,6 +296,8 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
         line,
         s,
         *ego,
+        2.0,
+        12.0,
         times,
         0.8,
         half,
@@ -320,8 +324,18 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     passed = (np.hypot(*bodies[2].T) < 0.2) & ((least >= 0.3) | nearer) & (now > 0.0)
     assert (met & passed & nearer).any()
     assert (met & behind).any()
+    going = 7.0 * times + 2.0 * np.minimum(times, 2.5) * (times - 0.5 * np.minimum(times, 2.5))
+    past = (bodies[4] >= 0) & (np.hypot(*bodies[2].T) >= 0.2)
+    for ways in (7.0 * times, going):
+        place, facing = kernels.follow(line, len(line), 0, s, here, heading, ways)
+        for i in np.flatnonzero(past):
+            its, turned_as = kernels.other_ahead(*bodies, *tracks, i, np.hypot(*bodies[2][i]) * times)
+            far = separation(its - place, facing, turned_as, np.array([2.5, 0.9]), size[i] / 2)
+            k = far.argmin()
+            past[i] = far[k] >= 0.8 and (facing[k] * turned_as[k].conjugate()).real < -kernels.OPPOSITE
+    assert (met & past).any()
     assert (met & passed).any()
-    assert got.tolist() == np.flatnonzero(met & ~np.array(behind) & ~passed).tolist()
+    assert got.tolist() == np.flatnonzero(met & ~np.array(behind) & ~passed & ~past).tolist()
 
 
 def test_the_residuals_network_is_its_formula():
