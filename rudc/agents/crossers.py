@@ -4,7 +4,7 @@ drivers on the wrong side.
 They are taken to go straight on at the speed that they have, and the ego to drive as commanded. If one of
 them and the ego would then come to the place where their ways meet at nearly the same time
 (rudc/agents/gaps.py, with a margin of MARGIN), the ego drives only so fast that it can stop before that
-place, braking at PLANNED, since the road may be poorer there. Where it cannot stop there any more, the
+place, braking at GENTLY, since the road may be poorer there. Where it cannot stop there any more, the
 command stays as it is.
 
 Without this rule only the filter and the last resort would slow the ego down, and only once a collision is
@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rudc.agents.following import PLANNED
+from rudc.agents.following import PLANNED as GENTLY
 from rudc.agents.gaps import Conflicts, suffices
 from rudc.agents.hidden import BEFORE, look_ahead
 from rudc.agents.runners import ACROSS, AHEAD
@@ -49,13 +49,13 @@ def ready_for_crossers(scene: Scene, u: Array) -> Array:
     if not late.any():
         return u
     room = float(found.ego_in[late].min()) - BEFORE
-    return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))
+    return at_most(u, slowing(scene, room, 0.0, planned(scene, GENTLY)))
 
 
 def _crossing(scene: Scene, who: Index) -> Conflicts:
     """Where those of the others `who` (n,) who go straight across the ego's way meet it."""
     body = scene.vehicle
-    way = np.arange(FINE, look_ahead(scene, AHEAD, planned(scene, PLANNED)), FINE)
+    way = np.arange(FINE, look_ahead(scene, AHEAD, planned(scene, GENTLY)), FINE)
     x, y, psi = scene.route.path.pose(scene.front_s + way)
     speed = scene.speed[who]
     direction = scene.velocity[who] / speed[:, None]

@@ -46,8 +46,8 @@ LOOK_AHEAD = 50.0
 """m of the path that are searched for a leader"""
 BAND, BESIDE = 0.25, 0.1
 """m to each side of the ego that belong to the band; towards things that stand, if courses lead round them"""
-FINE: Array = np.array([-0.5, -0.25, 0.0, 0.25])
-"""m beside a station of the path at which things that stand are looked for, too"""
+ALONG: Array = np.array([-0.5, -0.25, 0.0, 0.25])
+"""m before and beyond a station of the path, where things that stand are looked for, too"""
 PEDESTRIAN_S = (0.0, 1.0, 2.0)
 """s ahead at which pedestrians are looked for on the path"""
 
@@ -147,13 +147,13 @@ def _near(scene: Scene, who: Flags, s: Array, room: float) -> Flags:
     """(k, S) whether the rectangles of the k others `who` (N,) come nearer than `room` m to the path's line
     within half a metre of each of its stations s (S,) m.
     """
-    x, y, _ = scene.route.path.pose((s[:, None] + FINE).ravel())
+    x, y, _ = scene.route.path.pose((s[:, None] + ALONG).ravel())
     psi, half = scene.heading[who, None], 0.5 * scene.size[who]
     dx, dy = x - scene.position[who, :1], y - scene.position[who, 1:]
     before = np.abs(dx * np.cos(psi) + dy * np.sin(psi)) - half[:, :1]
     aside = np.abs(dy * np.cos(psi) - dx * np.sin(psi)) - half[:, 1:]
     apart = np.hypot(np.maximum(before, 0.0), np.maximum(aside, 0.0))
-    return np.any((apart < room).reshape(len(half), len(s), len(FINE)), axis=2)
+    return np.any((apart < room).reshape(len(half), len(s), len(ALONG)), axis=2)
 
 
 def _idm(v: float, v0: float, gap: float, leader_speed: float) -> float:

@@ -75,6 +75,7 @@ def search(
     from rudc.evaluation.search.search import run_search
     from rudc.evaluation.search.space import space_of
     from rudc.scenario import load_scenario
+    from rudc.scenario.library import overlooked
     from rudc.world.fitting import misfits
 
     if len(agents) > 1:
@@ -86,6 +87,8 @@ def search(
         raise InputError("where to? give a folder for the results: --out DIR")
     make_agent(agent)
     given = _ranges(parse_overrides(over, "--over"))
+    for text in overlooked([source]):
+        warn(f"warning: {text}")
     scenario = load_scenario(source, given, misfits)
     plan = SearchPlan(scenario, agent, episodes, seed, space_of(scenario, given))
     note(f"over {', '.join(plan.space.axes)}")
@@ -123,14 +126,14 @@ def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
     if math.isnan(rate.value):
         told = "cannot be told yet, as no episode that counts for it could be run"
     typer.echo(f"violation rate of {scenario} as declared: {told}")
-    if not math.isnan(rate.value):
-        typer.echo(
-            "  the sum of `weight` over the violations in evaluations.csv "
-            f"from seed {found.counted_from} on, divided by the number of these episodes"
-        )
     if rate.ceiling > rate.high:
         typer.echo(
             f"  if they lie only where some were found; wherever they lie, at most {_percent(rate.ceiling)} %"
+        )
+    if not math.isnan(rate.value):
+        typer.echo(
+            f"  reckoned from evaluations.csv, from seed {found.counted_from} on: the sum of `weight` over "
+            "violations, divided by the number of episodes less the `weight` of those with an error"
         )
     if found.region is not None:
         where = found.region

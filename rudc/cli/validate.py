@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, note, print_json
+from rudc.cli.console import AsJson, Quiet, note, print_json, warn
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -80,8 +80,10 @@ def validate(
 def _problems(files: list[str], seeds: range, tell: Callable[[dict[str, Any]], None]) -> list[str]:
     """What is wrong in all files; `tell` gets what was found about each file."""
     from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
-    from rudc.scenario.library import existing_files, shipped_scenarios, shown
+    from rudc.scenario.library import existing_files, overlooked, shipped_scenarios, shown
 
+    for text in overlooked(files):
+        warn(f"warning: {text}")
     shipped = {path: name for name, path in shipped_scenarios().items()}
     paths, problems = existing_files(files)
     for path in paths:

@@ -98,13 +98,13 @@ def correction_line(view: View, driving: Driving) -> str:
 
 
 def events_lines(events: tuple[ShownEvent, ...]) -> list[str]:
-    """Each event's number, name and kind, and since when; EVENTS_A_LINE on a line. Of more than EVENT_LINES
-    hold, those that are over are left out first, and then the last; how many are is said.
+    """Each event's number, its name or else its kind, and since when; EVENTS_A_LINE on a line. Of more than
+    EVENT_LINES hold, those that are over are left out first, and then the last; how many are is said.
     """
     room = EVENTS_A_LINE * EVENT_LINES
     named = sorted(events, key=lambda event: event.is_over)[: room if len(events) <= room else room - 1]
     each = [
-        f"({event.number}) {_called(event.event)}{_since(event)}"
+        f"({event.number}) {event.event.name or _words(event.event.kind)}{_since(event)}"
         for event in sorted(named, key=lambda event: event.number)
     ]
     if len(named) < len(events):
@@ -169,7 +169,7 @@ def _numbers(model: FileModel, without: tuple[str, ...] = ()) -> list[str]:
         part = getattr(model, name)
         if isinstance(value, bool):
             parts.append(_words(key) if value else f"not {_words(key)}")
-        elif isinstance(value, list) and all(isinstance(one, Distribution) for one in part):
+        elif isinstance(value, list) and part and all(isinstance(one, Distribution) for one in part):
             unit = unit_of(field)
             parts.append(f"{_words(key)} {' x '.join(map(_value, value))}{unit and f' {unit}'}")
         elif isinstance(value, list):

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from rudc.agents.registry import agent_settings
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.manifest import read_manifest
-from rudc.evaluation.own_networks import kept_scenario
+from rudc.evaluation.own_networks import FOLDER, kept_scenario
 from rudc.evaluation.tasks import SweepPlan
 from rudc.hints import listed
 from rudc.scenario.dotted import dotted
@@ -33,6 +33,11 @@ def kept_plan(folder: Path, episodes: int | None = None, seed: int | None = None
     if "search" in told:
         raise SweepError(f"{folder} is the folder of a search: give the command of `rudc search` again")
     scenarios = KeptScenarios(folder, content)
+    for agent in told["agents"]:
+        try:
+            kept_settings(agent)
+        except InputError as error:
+            raise SweepError(f"{error}; {_ran_with(content)}") from error
     return SweepPlan(
         tuple(scenarios.planned(name) for name in told["scenarios"]),
         tuple(told["agents"]),
@@ -70,7 +75,11 @@ class KeptScenarios:
         try:
             return Scenario.model_validate(values).read_from(None, self.read(name).given)
         except ValidationError as error:
-            raise self._unreadable(name, error, self._unread) from None
+            lost = self._unreadable(name, error, self._unread)
+            raise SweepError(
+                f"{lost}. Rows name networks that are swept by their paths: put them back (copies are in "
+                f"{self._folder / FOLDER})"
+            ) from None
 
     @cached_property
     def _unread(self) -> list[str]:
@@ -86,14 +95,21 @@ class KeptScenarios:
     def _unreadable(self, name: str, error: ValidationError, unread: list[str]) -> SweepError:
         configuration = self._content["configuration"]
         problem = describe(error, Scenario, configuration["scenarios"][name]["values"])[0]
-        imported, offered = configuration.get("imported"), configuration.get("plugins")
         return SweepError(
             f"the scenario {name!r} of {self._folder} cannot be read any more: "
-            f"{dotted(problem.path)}: {problem.text}; "
-            f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
-            f"{f' and --import {listed(list(imported))}' if imported else ''}"
-            f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}{''.join(unread)}"
+            f"{dotted(problem.path)}: {problem.text}; {_ran_with(self._content)}{''.join(unread)}"
         )
+
+
+def _ran_with(content: Mapping[str, Any]) -> str:
+    """With which code the sweep of a manifest ran, in words."""
+    configuration = content["configuration"]
+    imported, offered = configuration.get("imported"), configuration.get("plugins")
+    return (
+        f"the sweep ran with rudc {content['versions'].get('code', 'of another version')}"
+        f"{f' and --import {listed(list(imported))}' if imported else ''}"
+        f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}"
+    )
 
 
 def kept_settings(agent: str) -> dict[str, Any]:

@@ -95,7 +95,8 @@ def verify_sweep(
     progress = progress or Silent()
     progress.begin(len(reruns), 0, ())
     tasks = [rerun.task for rerun in reruns.values()]
-    tasks = [tasks[k] for k in np.random.default_rng(seed).permutation(len(tasks))]
+    order = np.random.default_rng(seed).permutation(len(tasks))
+    tasks = [tasks[k] for k in (order if np.any(np.diff(order) < 0) else order[::-1])]
     make_runner = prepared(make_runner, {task.agent for task in tasks})
     other = []
     with closing(ENGINES["local"].run(tasks, workers, limit_s, make_runner)) as results:  # pyright: ignore

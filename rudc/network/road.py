@@ -17,7 +17,7 @@ COMPASS = ("east", "northeast", "north", "northwest", "west", "southwest", "sout
 
 ROAD_USERS = ("passenger", "truck", "bus", "motorcycle", "bicycle")
 """SUMO's vehicle classes that traffic is made of"""
-RAILS = ("tram", "rail_urban", "rail", "rail_electric", "rail_fast")
+RAILS = ("tram", "rail_urban", "rail", "rail_electric", "rail_fast", "subway", "cable_car")
 """SUMO's vehicle classes that run on rails: no traffic here"""
 
 

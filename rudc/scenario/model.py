@@ -64,7 +64,7 @@ def is_plain_name(name: str) -> bool:
 
 def _plain_name(name: str) -> str:
     if not is_plain_name(name):
-        refuse(f"expected a name of letters a to z, digits, '_', '-' and '.'; got {name!r}")
+        refuse(f"expected a name of unaccented letters, digits, '_', '-' and '.'; got {name!r}")
     if len(name) > LONGEST_NAME:
         refuse(
             f"expected a name of at most {LONGEST_NAME} characters: files are named by it; got {len(name)}"

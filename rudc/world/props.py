@@ -48,7 +48,7 @@ WALKING_PACE = 2.0
 NOTICES_S, GENTLY = 1.0, 3.0
 """s, m/s2: a driver who sets off takes the ego to notice it so late, and to brake so hard"""
 LANE_M = 4.0
-"""m that it then looks farther ahead: as far as it drives before it does not stop for the ego any more"""
+"""m that it then looks farther ahead, about the width of a lane: it is soon too fast to stop for the ego"""
 PASSES_M = 0.5
 """m beside the way of a slow driver, within which an ego that moves is in it"""
 SAME_WAY = math.cos(math.pi / 4)
@@ -268,16 +268,18 @@ class Prop:
 
     def _lets_pass(self, scene: Scene, reach: float) -> bool:
         """Whether it stands, or has just set off, and the ego would have to brake hard not to come where it
-        drives on its next `reach` m.
+        drives on its next `reach` m. One that is in the ego's way already had better go on.
         """
         ego, body = scene.ego, scene.vehicle
         if not self._is_slow or ego.v < STANDING:
             return False
         way = ego.v * NOTICES_S + ego.v**2 / (2 * GENTLY)
         x, y = ego.x + 0.5 * way * math.cos(ego.psi), ego.y + 0.5 * way * math.sin(ego.psi)
-        box = *self.pose(0.5 * (self.length + reach)), reach, self.width
-        size = np.array([[body.length + way, body.width]])
-        return bool((rectangle_gaps(*box, np.array([[x, y]]), np.array([ego.psi]), size) <= PASSES_M).any())
+        swept = np.array([[x, y]]), np.array([ego.psi]), np.array([[body.length + way, body.width]])
+        here = *self.pose(), self.length, self.width
+        ahead = *self.pose(0.5 * (self.length + reach)), reach, self.width
+        gaps = [rectangle_gaps(*box, *swept)[0] for box in (here, ahead)]
+        return bool(gaps[1] <= PASSES_M < gaps[0])
 
     def _is_clear(
         self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float,

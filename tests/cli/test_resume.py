@@ -78,3 +78,16 @@ def test_another_seed_is_refused_and_so_is_a_folder_without_a_sweep(rudc, tmp_pa
     manifest.write_text(json.dumps({**told, "configuration": {**told["configuration"], "search": {}}}))
     search = rudc(*ALONE, "swept")
     assert (search.status, "swept is the folder of a search" in search.err) == (2, True)
+
+
+def test_an_agent_of_ones_own_that_is_not_there_is_named_with_where_it_was(rudc, tmp_path, monkeypatch):
+    (tmp_path / "own.py").write_text(
+        "class Own:\n    def reset(self, scene, seed): pass\n    def act(self, scene): return 0, 0\n"
+    )
+    given = ("random_destination", "--agent", "own.py:Own", *SHORT, "--episodes", "1")
+    assert rudc("sweep", *given, "--out", "swept").status == 0
+    assert rudc(*ALONE, "swept", "--episodes", "2").status == 0
+    (tmp_path / "sub").mkdir()
+    monkeypatch.chdir(tmp_path / "sub")
+    lost = rudc(*ALONE, "../swept", "--episodes", "3")
+    assert (lost.status, "relative to the folder in which the sweep was started" in lost.err) == (2, True)

@@ -51,7 +51,7 @@ def test_what_is_found_is_said_and_runs_again(rudc, tmp_path):
     violations = {row["seed"] for row in rows}
     rate = sum(float(row["weight"]) for row in every if row["seed"] in violations) / len(every)
     assert f"as declared: {100 * rate:.3g} % [" in first.out, "anybody can reckon it again"
-    assert f"from seed {every[0]['seed']} on, divided by the number of these episodes" in first.out
+    assert f"reckoned from evaluations.csv, from seed {every[0]['seed']} on: the sum of" in first.out
     assert "likeliest where: " in first.out
     assert "over ego.speed, ego.distance, traffic.density" in first.err
     told = next(line for line in first.err.splitlines() if line.startswith("the first again: rudc "))

@@ -95,6 +95,7 @@ def test_events_say_whether_they_happened():
         ["(4) hard brake: over", "(5) hard brake"],
         ["(6) hard brake: since 3.1 s, unseen", "(7) hard brake: since 3.1 s"],
     ]
+    assert events_lines((ShownEvent(1, event("hard_brake", name="lorry")),)) == ["(1) lorry: waits"]
     assert events_lines(()) == []
 
 
@@ -146,6 +147,9 @@ def test_numbers_of_events_and_conditions_have_their_units():
     assert "speed 3 m/s (75 %) or 5 m/s (25 %)" in describe(rarely)
     hesitates = event("pedestrian_crossing", arm="north", pause={"after": 4, "duration": 1.5})
     assert describe(hesitates).endswith(", pause after 4 m duration 1.5 s")
+    bed = event("vehicle_crossing", name="bed", arm="north", size=[2.2, 1])
+    assert describe(bed).startswith("bed, vehicle crossing, arm north, ")
+    assert "size 2.2 x 1 m, " in describe(bed)
     far = event("lane_closure", lane="north_in_0", at=1000, length=20)
     assert "at 1000 m, length 20 m" in describe(far)
     late = event("hard_brake", when={"traveled_distance": {"above": 999.7}})

@@ -135,3 +135,17 @@ def test_a_cycle_lane_on_a_roundabouts_ring_is_drawn(tmp_path):
     (lane,) = Network(tmp_path / "ring.net.xml").reserved
     assert not lane.is_pavement
     assert np.abs(lane.area - [9.0, 9.0]).max() < 6.0
+
+
+def test_a_route_is_drawn_from_each_lane_that_it_may_begin_on(monkeypatch):
+    """Of two lanes that lead straight on only one was drawn."""
+    network, drawn = load_network("four_way"), []
+    monkeypatch.setattr("rudc.drawing.network_picture.draw_route", lambda canvas, route: drawn.append(route))
+    draw_network(network)
+    begins = {(route.origin, route.destination, network.inbound_lane(route.row).index) for route in drawn}
+    assert begins == {
+        (movement.origin, movement.destination, network.inbound_lane(row).index)
+        for movement in network.onward
+        for row in movement.rows
+    }
+    assert len(begins) == len(drawn) > len(network.onward)

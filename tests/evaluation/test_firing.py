@@ -216,11 +216,12 @@ def test_where_the_ego_left_the_road_and_how_fast_is_said():
 def test_what_an_event_put_too_near_to_stop_is_said():
     """It read as a failure of the driver."""
     when = {"ego_distance_to_junction": {"below": 15}}
-    lorry = {"kind": "accident", "vehicles": [{"lane": "ego_in", "at": 8, "type": "truck"}], "when": when}
+    thing = {"lane": "ego_in", "at": 8, "type": "truck"}
+    lorry = {"kind": "accident", "name": "lorry", "vehicles": [thing], "when": when}
     settings = {"events": [lorry], "traffic.density": 0, "ego.distance": 30, "ego.speed": 12}
     driven = drive_and_count(load_scenario("random_destination", settings), range(1))
-    assert driven.hits == {0: ("truck", "other", True, "event 1")}
-    assert "1 collision (seed 0: truck of event 1, fault other (put too near to stop))" in driven.ends
+    assert driven.hits == {0: ("truck", "other", True, "lorry")}
+    assert "1 collision (seed 0: truck of lorry, fault other (put too near to stop))" in driven.ends
 
 
 def test_how_episodes_end_is_said():

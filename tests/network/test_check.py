@@ -167,7 +167,7 @@ def test_lanes_for_buses_are_named_as_left_out(tmp_path):
     assert not any("north_out_0" in warning for warning in warnings), "a pavement is no part of the road"
 
 
-@pytest.mark.parametrize("who", ["rail", "tram"])
+@pytest.mark.parametrize("who", ["rail", "tram", "subway"])
 def test_rails_are_named_as_left_out(tmp_path, who):
     """An arm for trains was missing from the table without a word."""
     warnings = changed(tmp_path, ('id="west_in_0" index="0"', f'id="west_in_0" index="0" allow="{who}"'))

@@ -170,7 +170,7 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
         ('"na\\nme": a\nname: b\n', ["1:1: 'na\\nme': unknown key (did you mean 'name'?)"]),
         ("name: 3\n", ["1:7: name: expected text, got the number 3"]),
         ("name: on\ndescription: yes\n", None),
-        ("name: a/b\n", ["1:7: name: expected a name of letters, ...; got 'a/b'"]),
+        ("name: a/b\n", ["1:7: name: expected a name of unaccented letters, ...; got 'a/b'"]),
         ("name: ''\n", ["1:7: name: must not be empty"]),
         ("name: a\nego: [1]\n", ["2:6: ego: expected a mapping (keys: route, ...), got a list"]),
         ("name: a\nevents: {kind: accident}\n", ["2:9: events: expected a list, got a mapping"]),

@@ -248,6 +248,18 @@ def test_a_driver_who_has_stopped_lets_an_ego_pass_that_would_have_to_brake_hard
     assert (prop.travelled > 9.5) is sets_off
 
 
+@pytest.mark.parametrize(("left", "sets_off"), [(15.0, True), (11.0, False)])
+def test_who_has_stopped_in_the_way_of_an_ego_that_comes_goes_on(make_scene, left, sets_off):
+    """It waited there for the ego, which could not pass."""
+    ego = make_scene(v=6.0)
+    psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])
+    along, aside = np.array([math.cos(psi), math.sin(psi)]), np.array([-math.sin(psi), math.cos(psi)])
+    prop = car(place + 8.0 * along + np.outer([15.0, -15.0], aside), wanted=4.0)
+    prop.travelled, prop.speed = left, 0.0  # m along its way, which meets the middle of the ego's at 15
+    drive_towards(prop, lambda i: ego, steps=20)
+    assert (prop.travelled > left + 0.2) is sets_off
+
+
 def test_a_driver_does_not_go_back_into_somebody(make_scene):
     prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
     both = make_scene({"at": (0.0, 100.0, math.pi)}, {"at": (-14.0, 100.0, 0.0)})
