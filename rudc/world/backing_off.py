@@ -12,6 +12,7 @@ SUMO has no negative speed, so in the meantime the scene says that it stands.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,8 @@ NOSE_M = 3.0
 """m, gap between bodies; an SV that is farther from the ego is not at its nose"""
 AHEAD_M = 8.0
 """m of the ego's way, and of the SV's, on which the other must not stand"""
+OPPOSITE = 0.7
+"""cosine of the angle between the ego's heading and the opposite of an SV's, above which it faces the SV"""
 PACE = 0.5
 """m/s, how fast it goes back"""
 ROOM = 1.0
@@ -63,7 +66,12 @@ class BackingOff:
                     self._back[scene.ids[i]] = int(scene.path[i]), s, scene.time_s + PATIENCE_S
         for name, (row, s, until) in list(self._back.items()):
             i = scene.ids.index(name) if name in scene.ids else -1
-            if i < 0 or scene.path[i] != row or scene.time_s >= until or not bars(scene, i, AHEAD_M):
+            if (
+                i < 0
+                or scene.path[i] != row
+                or scene.time_s >= until
+                or not bars(scene, i, AHEAD_M, beyond=True)
+            ):
                 del self._back[name]
                 if i >= 0:
                     self._sumo.slow_down(name, 0.0, decision_s)
@@ -82,14 +90,17 @@ class BackingOff:
         driver = self._traffic.drivers.get(name)
         if name in self._done or driver is None or driver.overridden:
             return False
-        return _in_its_way(scene, i, PASSING) and bars(scene, i, AHEAD_M)
+        return _in_its_way(scene, i, PASSING) and bars(scene, i, AHEAD_M, beyond=True)
 
 
-def bars(scene: Scene, i: int, ahead_m: float) -> bool:
+def bars(scene: Scene, i: int, ahead_m: float, *, beyond: bool = False) -> bool:
     """Whether the ego stands in the way of the SV of row i of the scene, on the next `ahead_m` m of its lane
-    or up to where the junction ends, whichever is nearer."""
+    or up to where the junction ends, whichever is nearer; with `beyond`, there too, if the ego faces it.
+    """
     paths, ego, size = scene.network.paths, scene.ego, scene.size[i]
-    end = min(ahead_m, float(paths.exit_s[scene.path[i]] + size[0] - scene.path_s[i]))
+    end = ahead_m
+    if not (beyond and math.cos(scene.heading[i] - ego.psi) < -OPPOSITE):
+        end = min(end, float(paths.exit_s[scene.path[i]] + size[0] - scene.path_s[i]))
     s = scene.path_s[i] + np.arange(0.0, max(end, SPACING), SPACING)
     position, heading = paths.body_pose(np.full(len(s), scene.path[i]), s, float(size[0]))
     gaps = rectangle_gaps(

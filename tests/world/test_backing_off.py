@@ -109,6 +109,23 @@ def test_who_has_not_reached_its_stop_line_goes_back_too_but_nobody_goes_back_ov
     assert bool(asked.places) == goes
 
 
+@pytest.mark.parametrize(("turned", "goes"), [(math.pi, True), (0.0, False)])
+def test_who_has_left_the_junction_goes_back_before_an_ego_that_faces_it(make_scene, four_way, turned, goes):
+    """Behind who passes a closure on the lane of oncoming traffic they stood for ever; an ego that drives
+    ahead in their lane is none of their business.
+    """
+    route, row = four_way.route("south", "straight"), four_way.route("north", "straight").row
+    s = float(four_way.paths.exit_s[row]) + 8.0
+    scene = make_scene({"row": row, "s": s, "v": 0.0}, v=0.0, front=-30.0, waited_s=STOOD_S)
+    position, heading = four_way.paths.pose(np.int64(row), np.float64(s + 7.0))[:2], float(scene.heading[0])
+    x, y = (float(v) for v in position)
+    station, offset = (float(v) for v in route.path.project(x, y))
+    ego = replace(scene.ego, x=x, y=y, psi=heading + turned)
+    one, asked = backing()
+    one.step(replace(scene, ego=ego, ego_s=station, ego_offset=offset), DECISION_S)
+    assert bool(asked.places) == goes
+
+
 def test_nobody_goes_back_into_who_is_behind(nose_to_nose):
     scene = nose_to_nose()
     (x, y), psi, length = scene.position[0], scene.heading[0], scene.size[0, 0]
