@@ -88,7 +88,7 @@ def driven(scene, wanted):
 def test_whoever_comes_and_whenever_it_stops_or_is_past(make_scene, degrees, body, wanted):
     rng = np.random.default_rng(0)
     stopped = passed = 0
-    for _ in range(30):
+    for _ in range(18):
         v, ahead = float(rng.uniform(4.0, 13.0)), float(rng.uniform(16.0, 45.0))
         speed = float(rng.uniform(0.6, 5.0))
         beside = float(min(rng.uniform(0.0, 1.5) * speed * ahead / v, 25.0))
