@@ -17,9 +17,9 @@ A body that stands needs no prediction. It is let through only if, besides, its 
 PASSING to the ego's rectangle on the ego's way: by ellipse and distance alone, a gap of a metre and a half
 would count as closed.
 
-Nor is a vehicle that comes towards the ego on its own path, and drives past it, if their rectangles stay the
-gate distance apart on the way, whether the ego goes on at its speed or accelerates: else the ego would stop
-in a narrow road for each that comes on the lane beside.
+A vehicle that comes towards the ego on its own path is not let through if it drives past: if the rectangles
+of the two stay the gate distance apart, both where the ego keeps its speed and where it accelerates. Without
+this the ego would stop in a narrow road for each vehicle that comes on the lane beside.
 
 A vehicle that drives behind the ego on the ego's own path is neither let through nor in conflict, since it is
 that vehicle's task to keep its distance. The barrier would push the two apart: a vehicle that comes from

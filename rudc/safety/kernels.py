@@ -285,10 +285,9 @@ def let_through(
     where they are nearer than that now but do not touch, `creeping_past`.
     """
     on, facing_on, _ = two_ways(line, ego_s, ego, ego_heading, speed, acceleration, top, times)
-    there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
-        position, heading, velocity, size, path, path_s, poses, stations, there.reshape(1, -1),
-        turned.reshape(1, -1), times, speed * times[-1], gap, short, stretch,
+        position, heading, velocity, size, path, path_s, poses, stations, on[:1], facing_on[:1], times,
+        speed * times[-1], gap, short, stretch,
     )  # fmt: skip
     there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, way)
     found = np.empty(len(met), np.int64)
