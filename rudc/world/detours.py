@@ -1,10 +1,8 @@
 """Surrounding vehicles (SVs) go round things that block their way for good, or wait where they block nobody.
 
-A row of `network.paths` is blocked for SVs of some length where one of them that is as wide as the widest
-would come too near to something that stands on the road for good (an accident, a closed lane, a stalled
-vehicle): on a straight row, nearer than `Traffic.needs_m` to its line, as lanes are closed for SUMO
-(rudc/world/events/stage.py); in bends, long ones cut across. It may be blocked in several places. An SV whose
-row is blocked ahead of it
+A row of `network.paths` is blocked for SVs of some length where one of them has no room to pass something
+that stands on the road for good (an accident, a closed lane, a stalled vehicle; rudc/world/passing.py). It
+may be blocked in several places. An SV whose row is blocked ahead of it
 
     changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
         it waits before the stop line until it has changed, if no free row begins on its own lane;
@@ -30,24 +28,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rudc.arrays import Array, Flags, Index
-from rudc.geometry import gaps_between
+from rudc.arrays import Array
 from rudc.network.paths import SPACING
-from rudc.world.scene import Kind
+from rudc.world.passing import Passing
 
 if TYPE_CHECKING:
     from rudc.network.network import Movement, Network
-    from rudc.network.paths import PathTable
     from rudc.network.road import Lane
     from rudc.world.props import Prop
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
     from rudc.world.traffic import Traffic
 
-LEAST_LENGTH = 5.0
-"""m; SVs that are shorter count as if they were that long"""
-TOUCH = 0.1
-"""m, gap between an SV and a thing below which the row is blocked"""
 PASSED = 0.5
 """m by which a front bumper may be before a place and still count as past it"""
 WAIT = 1.0
@@ -68,10 +60,9 @@ class Detours:
 
     def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
         self._sumo, self._network, self._traffic = sumo, network, traffic
+        self._passing = Passing(sumo, network, traffic)
         self._seen: tuple[tuple[str, float, float], ...] = ()
-        self._lengths: Array = np.unique(np.maximum(traffic.lengths_m, LEAST_LENGTH))
-        """(C,) m, the lengths for which rows are blocked, each its own; the shortest first"""
-        self._begins, self._end = self._blocks([])
+        self._begins, self._end = self._blocks()
         self.redirected = False
         """whether the last step gave an SV another movement"""
 
@@ -80,22 +71,28 @@ class Detours:
         """Whether something stood on the road at the last step."""
         return bool(self._seen)
 
+    def move_aside(
+        self, scene: Scene, props: list[Prop], decision_s: float, ego: tuple[int, float] | None = None
+    ) -> None:
+        """Let SVs pass what leaves them room in their lanes; see `Passing.step`."""
+        self._passing.look(props)
+        self._passing.step(scene, decision_s, ego)
+
     def step(self, scene: Scene, props: list[Prop]) -> dict[str, tuple[float, float]]:
         """Redirect SVs. Returns those that have to wait: name -> (speed in m/s, deceleration in m/s2)."""
         self.redirected = False
-        standing = [prop for prop in props if not prop.moves and prop.kind != Kind.PEDESTRIAN]
-        key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
-        if key != self._seen:
-            self._seen = key
-            self._begins, self._end = self._blocks(standing)
+        self._passing.look(props)
+        if self._passing.standing != self._seen:
+            self._seen = self._passing.standing
+            self._begins, self._end = self._blocks()
             self._traffic.avoid(self._closed())
-        if not standing:
+        if not self._seen:
             return {}
         waits = {}
         rows = np.flatnonzero(scene.path >= 0)
         front = scene.path_s[rows] + 0.5 * scene.size[rows, 0]
-        classes = np.minimum(np.searchsorted(self._lengths, scene.size[rows, 0]), len(self._lengths) - 1)
-        station = np.floor((front - PASSED - 0.5 * self._lengths[classes]) / SPACING).astype(int) + 1
+        classes = self._passing.classes(scene.size[rows, 0])
+        station = np.floor((front - PASSED - 0.5 * self._passing.lengths[classes]) / SPACING).astype(int) + 1
         block = self._begins[classes, scene.path[rows], np.clip(station, 0, self._begins.shape[2] - 1)]
         ahead = np.isfinite(block)
         for i, c, *places in zip(
@@ -110,40 +107,18 @@ class Detours:
             self._stay(scene, i, self._end[c], at)
         return waits
 
-    def _blocks(self, standing: list[Prop]) -> tuple[Array, Array]:
+    def _blocks(self) -> tuple[Array, Array]:
         """Where rows are blocked for each length, as arc lengths (m) of a front bumper.
 
         (C, P, stations + 1): where the next block begins at or after each station of each row, inf for none.
         (C, P): where the last block of each row ends, -inf for none.
         """
-        blocked = np.stack([self._blocked(standing, float(length)) for length in self._lengths])
-        front = np.arange(blocked.shape[2]) * SPACING + 0.5 * self._lengths[:, None, None]
+        blocked = self._passing.blocked
+        front = np.arange(blocked.shape[2]) * SPACING + 0.5 * self._passing.lengths[:, None, None]
         begins = np.full((*blocked.shape[:2], blocked.shape[2] + 1), np.inf)
         begins[..., :-1] = np.where(np.diff(blocked, axis=2, prepend=False) & blocked, front, np.inf)
         begins = np.minimum.accumulate(begins[..., ::-1], axis=2)[..., ::-1]
         return begins, np.where(blocked, front, -np.inf).max(axis=2)
-
-    def _blocked(self, standing: list[Prop], length: float) -> Flags:
-        """(P, stations), at which stations of each row an SV of that length (m) has no room."""
-        paths = self._network.paths
-        blocked = np.zeros(paths.xy.shape[:2], dtype=np.bool_)
-        body = np.array([length, 2.0 * (self._traffic.needs_m - TOUCH)])
-        for prop in standing:
-            x, y, psi = prop.pose()
-            size = np.array([prop.length, prop.width])
-            reach = 0.5 * float(np.hypot(*size) + np.hypot(*body) + length) + TOUCH
-            row, station = np.nonzero(np.hypot(paths.xy[..., 0] - x, paths.xy[..., 1] - y) < reach)
-            inside = station * SPACING < paths.length[row]
-            row, station = row[inside], station[inside]
-            n = len(row)
-            if not n:
-                continue
-            position, heading = _bodies_on_lines(paths, row, station, length)
-            hit = (
-                gaps_between(position, heading, body, np.tile([x, y], (n, 1)), np.full(n, psi), size) < TOUCH
-            )
-            blocked[row[hit], station[hit]] = True
-        return blocked
 
     def _closed(self) -> set[tuple[str, str]]:
         """(origin, destination) of the movements of which no row is free for the shortest."""
@@ -246,13 +221,3 @@ class Detours:
 def _is_free(end: Array, row: int, front: float) -> bool:
     """Whether nothing blocks a row from `front` m on, given where rows are blocked last (P,) m."""
     return bool(end[row] <= front - PASSED)
-
-
-def _bodies_on_lines(paths: PathTable, rows: Index, stations: Index, length: float) -> tuple[Array, Array]:
-    """(N, 2) m and (N,) rad: centres and headings of bodies of that length (m) whose ends are on rows (N,),
-    as SUMO moves its vehicles, their middles at stations (N,)."""
-    s = stations.astype(np.float64) * SPACING
-    front, rear = (np.stack(paths.pose(rows, s + way)[:2], axis=1) for way in (0.5 * length, -0.5 * length))
-    along = front - rear
-    heading = np.arctan2(along[:, 1], along[:, 0])
-    return front - 0.5 * length * np.stack([np.cos(heading), np.sin(heading)], axis=1), heading

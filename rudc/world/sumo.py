@@ -50,7 +50,6 @@ _OPTIONS = (
 _QUARTER, _RADIAN = math.pi / 2, math.pi / 180
 MATCH_M = 5.0
 """m within which SUMO looks for the lane under a vehicle that is placed; it searches all of them"""
-
 _owner: int | None = None
 
 
@@ -242,16 +241,11 @@ class Sumo:
 
     @_to("add a vehicle")
     def add(self, vehicle: str, route: str, kind: str, lane: int, front: float, speed: float) -> None:
-        """Ask for a vehicle on lane index `lane` of its route's first edge, front bumper at `front` m, at
-        speed m/s."""
+        """Ask for a vehicle on a lane of its route's first edge, front bumper at `front` m, at speed m/s."""
         libsumo.vehicle.add(
-            vehicle,
-            route,
-            typeID=kind,
-            departLane=str(lane),
-            departPos=f"{front:.3f}",
+            vehicle, route, typeID=kind, departLane=str(lane), departPos=f"{front:.3f}",
             departSpeed=f"{speed:.3f}",
-        )
+        )  # fmt: skip
 
     @_to("remove a vehicle")
     def remove(self, vehicle: str) -> None:
@@ -379,6 +373,11 @@ class Sumo:
     def ask_lane(self, vehicle: str, lane: int, duration: float) -> None:
         """Have a vehicle change to a lane of its edge as soon as there is room, and stay for `duration` s."""
         libsumo.vehicle.changeLane(vehicle, lane, duration)
+
+    @_to("move a vehicle aside")
+    def shift(self, vehicle: str, aside: float) -> None:
+        """Put a vehicle `aside` m to the left of its lane's middle."""
+        libsumo.vehicle.setLateralLanePosition(vehicle, aside)
 
     @_to("set what limits a vehicle's speed")
     def set_mode(self, vehicle: str, mode: int, hardest: float) -> None:

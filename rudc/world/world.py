@@ -107,11 +107,7 @@ class World:
         self._sumo.close()
 
     def reset(
-        self,
-        plan: EpisodePlan,
-        *,
-        ego_driver: EgoDriver = "agent",
-        options: tuple[str, ...] = (),
+        self, plan: EpisodePlan, *, ego_driver: EgoDriver = "agent", options: tuple[str, ...] = ()
     ) -> Scene:
         """Set up an episode and return its first scene.
 
@@ -164,6 +160,7 @@ class World:
         began = self._script.step(scene)
         layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
         every = max(1, round(layer_s / self.config.decision_s))
+        self._detours.move_aside(scene, self.stage.props, self.config.decision_s, self._sumo_ego())
         if self._decisions % every == 0 or self._brakes.are_over:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene, self.stage.props)
@@ -247,6 +244,7 @@ class World:
                 self._refill()
             if self.stage.props:  # only these need a scene before the ego enters
                 scene = self._look()
+                self._detours.move_aside(scene, self.stage.props, self.config.decision_s)
                 self._brake(scene, self.config.decision_s)
                 for prop in self.stage.props:
                     prop.look_out(scene)
@@ -379,22 +377,24 @@ class World:
         if not self.config.yielding:
             return
         most = min(BRAKE_MOST, self.traffic.grip)
-        heedless = self.stage.unlawful
-        braking = must_yield(scene, ego_present=self._ego_inside, brake_most=most, heedless=heedless)
-        self._held = {scene.ids[row] for row in braking.rows}
-        self._for_ego = {scene.ids[row] for row in braking.for_ego}
+        must = must_yield(scene, ego_present=self._ego_inside, brake_most=most, heedless=self.stage.unlawful)
+        self._held = {scene.ids[row] for row in must.rows}
+        self._for_ego = {scene.ids[row] for row in must.for_ego}
         wanted = {
             scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
-            for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)
+            for row, deceleration in zip(must.rows, must.deceleration, strict=True)
         }
         if self.stage.props or self._detours.round_something:
             for name, (speed, needed) in self._detours.step(scene, self.stage.props).items():
                 wanted[name] = speed, max(min(needed, most), wanted.get(name, (0.0, 0.0))[1])
             if self._detours.redirected:
                 self._reader.relocate()
-        if self._driven_by_sumo and self._ego_inside and self.stage.props:
-            path, path_s = self._reader.locate_ego(self.route, self.vehicle.length)
-            deceleration = min(ego_must_yield(scene, path, path_s), most)
-            if deceleration > 0:
-                wanted[EGO] = scene.ego.v, deceleration
+        ego = self._sumo_ego() if self.stage.props else None
+        if ego and (deceleration := min(ego_must_yield(scene, *ego), most)) > 0:
+            wanted[EGO] = scene.ego.v, deceleration
         self._brakes.apply(wanted, duration_s)
+
+    def _sumo_ego(self) -> tuple[int, float] | None:
+        """Where a SUMO-driven ego is, as `Reader.locate_ego`; None if an agent drives, or it is gone."""
+        there = self._driven_by_sumo and self._ego_inside
+        return self._reader.locate_ego(self.route, self.vehicle.length) if there else None

@@ -216,7 +216,7 @@ def test_nobody_waits_before_the_line_for_a_lane_that_begins_behind_it(world_on,
     assert not waiting
 
 
-@pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 1.1), ({"car": 0.9, "bus": 0.1}, 1.45)])
+@pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 0.27), ({"car": 0.9, "bus": 0.1}, 0.97)])
 @pytest.mark.parametrize("beside", [-0.2, -0.05, 0.05, 0.2])
 def test_a_lane_is_closed_exactly_where_its_way_counts_as_blocked(world, mix, closes, beside):
     """SUMO's stand-in closed a lane up to 1.35 m beside its centre line, its way was blocked up to 1.05 m."""

@@ -28,6 +28,7 @@ from rudc.world.events.places import (
     size_of,
 )
 from rudc.world.events.selection import pick
+from rudc.world.passing import needed
 from rudc.world.props import BRAKING, LATE_S, Prop, gaps_to_ways, standing, stopping_way
 from rudc.world.scene import Kind, Scene
 
@@ -74,8 +75,7 @@ class WorldStage(NetworkStage):
     """names of things put so near before the ego that it could not stop; empty again once the ego has stood
     """
     no_room: bool = False
-    """whether an event has asked for room on the road, and there was none, since this was last set to False
-    """
+    """whether an event has found no room on the road since this was last set to False"""
     reached: dict[tuple[int, str], float] = field(default_factory=dict)
     """number of an event in keys, and `begun` or `over` -> s, when it was so first"""
     patches: Patches = field(default_factory=Patches)
@@ -206,7 +206,7 @@ class WorldStage(NetworkStage):
             self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for lane in self.network.lanes.values():
-            span = None if lane.internal else obstructed(lane, corners, self.traffic.needs_m)
+            span = None if lane.internal else obstructed(lane, corners, needed(lane, self.traffic))
             if span is not None:
                 self._block(name, lane, *span)
 
