@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rudc.evaluation.record import EpisodeRecord
     from rudc.evaluation.sweep import SweepResult
     from rudc.evaluation.tasks import SweepPlan, Task
+    from rudc.scenario.model import Scenario
 
 SHIPPED_AGENTS = (
     "sumo",
@@ -86,8 +87,8 @@ def sweep(
         bool,
         typer.Option(
             "--resume",
-            help="Finish the sweep in DIR, or add episodes to it; start it if there is none. "
-            "SCENARIO and --agent need not be given again.",
+            help="Finish the sweep in DIR, or add episodes, agents or scenarios to it; start it if there is "
+            "none. SCENARIO and --agent need not be given again.",
         ),
     ] = False,
     shipped: Annotated[
@@ -135,6 +136,8 @@ def sweep(
 
     `rudc sweep --resume --out out/all --workers 4`: goes on with what that folder holds
 
+    `rudc sweep --resume --out out/all --agent rudc-e`: adds an agent to it
+
     `rudc sweep --verify out/all --share 0.1`: do its rows come out the same here? Exit status 1 if not
     """
     from rudc.evaluation.runner import EpisodeRunner
@@ -158,10 +161,11 @@ def sweep(
         return
     if share is not None:
         raise InputError("--share says how much of a sweep --verify DIR runs again; there is no --verify")
-    if resume and out is not None and not (scenarios or agents or shipped or overrides):
-        plan = _kept_plan(out, episodes, seed)
-    else:
-        values = parse_overrides(overrides)
+    values = parse_overrides(overrides)
+    plan = None
+    if resume and out is not None and not (shipped or (scenarios and agents)):
+        plan = _grown_plan(out, scenarios or [], agents or [], episodes, seed, values)
+    if plan is None:
         plan = _plan(scenarios or [], agents or [], shipped, episodes or 100, seed or 0, values)
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
@@ -217,15 +221,9 @@ def _plan(
     seed: int,
     overrides: dict[str, object],
 ) -> SweepPlan:
-    from rudc.agents.registry import make_agent
-    from rudc.evaluation.preflight import never_happening
     from rudc.evaluation.tasks import SweepPlan
-    from rudc.scenario import find_scenarios, shipped_scenarios
-    from rudc.scenario.library import overlooked
-    from rudc.world.fitting import misfits
+    from rudc.scenario import shipped_scenarios
 
-    for text in overlooked(scenarios):
-        warn(f"warning: {text}")
     if shipped:
         scenarios = [*shipped_scenarios(), *scenarios]
         agents = agents or list(SHIPPED_AGENTS)
@@ -235,27 +233,71 @@ def _plan(
         )
     if not agents:
         raise InputError("which agents? give at least one --agent NAME; see `rudc agent list`")
-    for name in agents:
+    each = _agents(agents)
+    return SweepPlan(tuple(_scenarios(scenarios, overrides)), each, episodes, seed)
+
+
+def _agents(names: list[str]) -> tuple[str, ...]:
+    """Each once; made once, so that an unknown one is refused."""
+    from rudc.agents.registry import make_agent
+
+    for name in names:
         make_agent(name)
-    found = tuple(find_scenarios(scenarios, misfits, overrides=overrides))
+    _warn_of_repeated("--agent", names)
+    return tuple(dict.fromkeys(names))
+
+
+def _scenarios(names: list[str], overrides: dict[str, object]) -> list[Scenario]:
+    from rudc.evaluation.preflight import never_happening
+    from rudc.scenario import find_scenarios
+    from rudc.scenario.library import overlooked
+    from rudc.world.fitting import misfits
+
+    for text in overlooked(names):
+        warn(f"warning: {text}")
+    found = find_scenarios(names, misfits, overrides=overrides)
     for scenario in found:
         for text in never_happening(scenario):
             warn(f"warning: {scenario.name}: {text}")
-    each = tuple(dict.fromkeys(agents))
-    for what, given in (("--agent", agents), ("SCENARIO", scenarios)):
-        if twice := [name for name in dict.fromkeys(given) if given.count(name) > 1]:
-            warn(f"warning: {what} names {', '.join(twice)} more than once; each counts once")
-    return SweepPlan(found, each, episodes, seed)
+    _warn_of_repeated("SCENARIO", names)
+    return found
 
 
-def _kept_plan(folder: Path, episodes: int | None, seed: int | None) -> SweepPlan:
-    from rudc.evaluation.kept import kept_plan
+def _warn_of_repeated(what: str, given: list[str]) -> None:
+    if twice := [name for name in dict.fromkeys(given) if given.count(name) > 1]:
+        warn(f"warning: {what} names {', '.join(twice)} more than once; each counts once")
+
+
+def _grown_plan(
+    folder: Path,
+    scenarios: list[str],
+    agents: list[str],
+    episodes: int | None,
+    seed: int | None,
+    overrides: dict[str, object],
+) -> SweepPlan | None:
+    """The plan of the sweep in a folder, with what is given besides; None if something is given, and the
+    folder holds no sweep."""
+    from rudc.evaluation.kept import kept_plan, with_more
 
     if not (folder / "manifest.json").exists():
+        if scenarios or agents or overrides:
+            return None
         raise InputError(
             f"which scenarios? {folder} holds no sweep to go on with; give names, files or patterns"
         )
-    return kept_plan(folder, episodes, seed)
+    if overrides and not scenarios:
+        raise InputError(
+            f"--set changes the scenarios of a command, not those of {folder}: name scenarios, or drop it"
+        )
+    each = _agents(agents)
+    kept = kept_plan(folder, episodes, seed)
+    plan = with_more(kept, _scenarios(scenarios, overrides) if scenarios else (), each)
+    new = [s.name for s in plan.scenarios if s.name not in {old.name for old in kept.scenarios}]
+    new += [agent for agent in plan.agents if agent not in kept.agents]
+    if new:
+        note(f"{', '.join(new)}: added to the sweep in {folder}")
+    return plan
 
 
 def _report(result: SweepResult, as_json: bool) -> None:

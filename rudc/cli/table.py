@@ -13,7 +13,14 @@ from rudc.errors import InputError
 
 
 def table(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep, finished or not.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="Folder of a sweep, finished or not. Of several the rows count together; "
+            "`--by folder,agent` keeps them apart.",
+        ),
+    ],
     style: Annotated[
         Literal["csv", "markdown", "latex"] | None,
         typer.Option("--format", "-f", help="How it is written. Default: for reading on this screen."),
@@ -45,9 +52,9 @@ def table(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """The metrics of a sweep, with 95 % intervals: Wilson's for rates; for means Student's below 20 episodes,
-    the bootstrap's from 20 on, the normal one from 2,000 on. Bold: better than all other agents in the
-    scenario, by intervals that do not overlap.
+    """The metrics of a sweep, or of several, with 95 % intervals: Wilson's for rates; for means Student's
+    below 20 episodes, the bootstrap's from 20 on, the normal one from 2,000 on. Bold: better than all other
+    agents in the scenario, by intervals that do not overlap.
 
     **Examples**
 
@@ -59,17 +66,24 @@ def table(
 
     `rudc table out/all --json | jq '.[] | select(.agent == "rudc-t") | .SR.mean'`
 
+    `rudc table out/part-0 out/part-1`: one sweep that was driven in parts
+
+    `rudc table out/before out/after --by folder,agent`: two sweeps side by side
+
     `rudc table out/all --against comparison --format markdown`
     """
     from rudc.cli.metrics_table import print_metrics
     from rudc.evaluation.columns import DECISION_MS, METRICS
-    from rudc.evaluation.folder import sweep_rows
+    from rudc.evaluation.joined import joined_rows
     from rudc.evaluation.paper import is_from_paper, tasks
     from rudc.evaluation.tables import measured, named_metrics, written
 
     if as_json and style is not None:
         raise InputError("--json is a format of its own: give it, or --format")
-    rows = sweep_rows(folder)
+    warnings: list[str] = []
+    rows = joined_rows(folders, _names(by) if by else ["scenario", "agent"], warnings)
+    for text in warnings:
+        warn(f"warning: {text}")
     columns = _names(by) if by else ["scenario", *rows.parameters, "agent"]
     chosen = named_metrics(_names(metrics)) if metrics else None
     form = "json" if as_json else style
@@ -80,7 +94,7 @@ def table(
         typer.echo(written(groups, columns, form, chosen or METRICS), nl=False)
     if against is not None and not any(map(is_from_paper, groups)):
         its = " and ".join(tasks(against))
-        warn(f"nothing to put beside: the paper's tasks are {its}, and {folder} has none of them")
+        warn(f"nothing to put beside: the paper's tasks are {its}, and none of them was driven")
 
 
 def _names(text: str) -> list[str]:

@@ -17,7 +17,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from rudc.evaluation.manifest import (
     agent_reads,
     as_json,
     gone_on_with,
+    grown,
     manifest,
     read_manifest,
     resumed,
@@ -81,8 +82,10 @@ class SweepFolder:
         new = manifest(self._plan)  # refuses unknown agents, before there is a folder
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        content = settled(self.path, new, resume, "finish the sweep", self._refuse_other_columns)
-        self._take_order_of_columns()
+        content = settled(self.path, new, resume, "finish the sweep", partial(self._grown, new))
+        if resume:  # before the columns, so that it names them after any kill
+            write_atomically(self.path / "manifest.json", as_json(content))
+        self._take_columns()
         copies = keep_networks(self._plan, self.path)
         digests = agent_digests(content)
         own = {
@@ -140,13 +143,15 @@ class SweepFolder:
         groups = group_metrics(sweep_rows(self.path), by, METRICS)
         write_atomically(self.path / "metrics.csv", metrics_csv(groups, by))
 
-    def _refuse_other_columns(self, old: Mapping[str, Any]) -> None:
-        """Raises SweepError when the folder's rows mean something else than new ones would."""
+    def _grown(self, new: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
+        """The manifest that is there, with the scenarios and agents that the new one has besides. Raises
+        SweepError when the folder's rows mean something else than new ones would.
+        """
         header = read_header(self.path / "episodes.csv")
         lacking = missing_columns(header) if header else []
         more = [name for name in header[: len(COLUMNS)] if name not in COLUMNS]
         if old.get("format") == FORMAT and not lacking and not more:
-            return
+            return grown(old, new) if "search" not in old["configuration"] else dict(old)
         difference = f", without {', '.join(lacking)}" if lacking else ""
         difference += f", with {', '.join(more)}" if more else ""
         raise SweepError(
@@ -154,13 +159,19 @@ class SweepFolder:
             f"mix. `rudc table {self.path}` reads it; to run the sweep again, give another --out"
         )
 
-    def _take_order_of_columns(self) -> None:
+    def _take_columns(self) -> None:
         """Keep swept values in the order in which the rows that are there have them; `--set` may name the
-        same keys in another.
+        same keys in another. Rows get an empty cell for each key that only new scenarios sweep.
         """
         header, n = read_header(self._episodes.path), len(COLUMNS)
-        if header[:n] == list(COLUMNS) and set(header[n:]) == set(self.parameters):
-            self.parameters, self._episodes.header = tuple(header[n:]), header
+        if header[:n] != list(COLUMNS) or not set(header[n:]) <= set(self.parameters):
+            return
+        added = [key for key in self.parameters if key not in header[n:]]
+        self.parameters = (*header[n:], *added)
+        there = RowFile(self._episodes.path, header)
+        self._episodes.header = [*header, *added]
+        if added:
+            self._episodes.rewrite([format_row([*row, *([""] * len(added))]) for row in there.rows()])
 
     def _key(self, row: Sequence[str]) -> Key:
         return (*row[: len(IDENTITY)], *row[len(COLUMNS) :])
@@ -187,14 +198,15 @@ def settled(
     content: dict[str, Any],
     resume: bool,
     to_go_on: str,
-    refuse: Callable[[Mapping[str, Any]], None],
+    accepted: Callable[[Mapping[str, Any]], Mapping[str, Any]],
 ) -> dict[str, Any]:
     """What the manifest of a folder will hold, before `with_versions`: `content` for a new folder; for one
-    that is resumed, what follows from its manifest and `content` (`manifest.resumed`). A new folder gets its
-    manifest at once, before all else, so that --resume works after any kill.
+    that is resumed, what follows from its manifest, as `accepted` gives it, and `content`
+    (`manifest.resumed`). A new folder gets its manifest at once, before all else, so that --resume works
+    after any kill.
 
-    Raises SweepError when the folder is not empty and not to be resumed, and whatever `refuse` raises for the
-    manifest that is there. `to_go_on` says what --resume would do.
+    Raises SweepError when the folder is not empty and not to be resumed, and whatever `accepted` raises for
+    the manifest that is there. `to_go_on` says what --resume would do.
     """
     present = sorted(entry.name for entry in path.iterdir() if not entry.name.startswith("."))
     if present and not resume:
@@ -205,9 +217,7 @@ def settled(
     if not present:
         write_atomically(path / "manifest.json", as_json(content))
         return content
-    old = read_manifest(path)
-    refuse(old)
-    return resumed(old, content, path)
+    return resumed(accepted(read_manifest(path)), content, path)
 
 
 def with_versions(

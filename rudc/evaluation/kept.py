@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,12 @@ def kept_plan(folder: Path, episodes: int | None = None, seed: int | None = None
         told["episodes"] if episodes is None else episodes,
         told["seed"] if seed is None else seed,
     )
+
+
+def with_more(plan: SweepPlan, scenarios: Sequence[Scenario], agents: Sequence[str]) -> SweepPlan:
+    """The plan with further scenarios and agents; a scenario of a name that it has takes that one's place."""
+    by_name = {scenario.name: scenario for scenario in (*plan.scenarios, *scenarios)}
+    return replace(plan, scenarios=(*by_name.values(),), agents=(*dict.fromkeys([*plan.agents, *agents]),))
 
 
 class KeptScenarios:

@@ -228,6 +228,13 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
     return {**old, "configuration": there}
 
 
+def grown(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """The manifest of a sweep, with the scenarios and agents that only `new`, another one, has."""
+    there, here = old["configuration"], json.loads(json.dumps(new["configuration"]))
+    both = {part: {**here[part], **there[part]} for part in ("scenarios", "agents")}
+    return {**old, "configuration": {**there, **both}}
+
+
 def _as_placed(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, Any]:
     """The configuration `there`, with the networks that `here` names in scenarios of the same digest: they
     are the same files, which lie elsewhere now. Swept networks stay, since rows name them.

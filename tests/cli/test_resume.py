@@ -91,3 +91,23 @@ def test_an_agent_of_ones_own_that_is_not_there_is_named_with_where_it_was(rudc,
     monkeypatch.chdir(tmp_path / "sub")
     lost = rudc(*ALONE, "../swept", "--episodes", "3")
     assert (lost.status, "relative to the folder in which the sweep was started" in lost.err) == (2, True)
+
+
+def test_agents_and_scenarios_are_added(rudc, tmp_path):
+    given = ("random_destination", "--agent", "follower", *SHORT, "--episodes", "1")
+    assert rudc("sweep", *given, "--out", "swept").status == 0
+    added = rudc("sweep", "--agent", "sumo", "--resume", "--workers", "1", "--out", "swept")
+    assert (added.status, "sumo: added to the sweep in swept" in added.err) == (0, True)
+    more = ("dense_left_turn", "--set", "episode.timeout=0.6", "--workers", "1", "--resume", "--out", "swept")
+    assert rudc("sweep", *more).status == 0
+    rows = (tmp_path / "swept" / "episodes.csv").read_text().splitlines()[1:]
+    assert [line.split(",")[:2] for line in rows] == [
+        [scenario, agent]
+        for scenario in ("random_destination", "dense_left_turn")
+        for agent in ("follower", "sumo")
+    ]
+    alone = rudc(*ALONE, "swept", "--set", "traffic.density=3")
+    assert (alone.status, "not those of swept: name scenarios" in alone.err) == (2, True)
+    wrong = rudc(*ALONE, "swept", "--agent", "plannr")
+    assert (wrong.status, "did you mean 'planner'?" in wrong.err) == (2, True)
+    assert rudc("sweep", "--verify", "swept", "--share", "1", "--workers", "1").status == 0

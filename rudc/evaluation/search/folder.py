@@ -86,7 +86,7 @@ class SearchFolder:
         new = self._content()  # refuses an unknown agent, before there is a folder
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        content = settled(self.path, new, resume, "go on with the search", self._refuse_others)
+        content = settled(self.path, new, resume, "go on with the search", self._accepted)
         self.scenario = with_copies(self.scenario, keep_networks(self._plan.sweep(), self.path))
         self.agent_digest = agent_digests(content)[self._plan.agent]
         self.agent_reads = agent_reads(content, self._plan.agent)
@@ -95,10 +95,11 @@ class SearchFolder:
         content = with_versions(self.path, content, new["versions"] if left else None, self.warnings)
         self._manifest = as_json(content)
 
-    def _refuse_others(self, old: Mapping[str, Any]) -> None:
-        """Raises SweepError when the folder holds something else than a search."""
+    def _accepted(self, old: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The manifest that is there. Raises SweepError when the folder holds no search."""
         if old["format"] != FORMAT or "search" not in old["configuration"]:
             raise SweepError(f"{self.path} holds no search of this version of RUDC; give another --out")
+        return old
 
     def _content(self) -> dict[str, Any]:
         content = manifest(self._plan.sweep())
