@@ -305,8 +305,8 @@ def test_a_sweep_of_none_of_the_papers_tasks_is_said_to_be_so(swept, rudc, tmp_p
         assert answer.status == 0
         assert answer.out == rudc("table", "fog", *style).out
         assert answer.err == (
-            "nothing to put beside: the paper's tasks are random_destination and dense_left_turn, and fog "
-            "has none of them\n"
+            "nothing to put beside: the paper's tasks are random_destination and dense_left_turn, and none "
+            "of them was driven\n"
         )
 
 
