@@ -14,6 +14,7 @@ from rudc.env.outcome import Outcome
 from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
 from rudc.geometry import rectangle_gaps
+from rudc.hints import listed
 from rudc.network.network import load_network
 from rudc.scenario.triggers import awaited
 from rudc.world.events import numbered
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from rudc.scenario.model import Scenario
 
 EARLY = "its trigger did not come true before the episode ended, with planner driving"
-"""why an event may not happen"""
+"""why an event does not happen of which nothing else is known"""
 NOBODY = "there was nobody for it to act on while its trigger held"
 """why an event does not happen that acts on others"""
 NO_ROOM = "there was no room for it on the road"
@@ -50,17 +51,13 @@ class Firing:
     seen: int = 0
     """episodes in which the ego met it: its sensors showed it, it came onto its slippery patch, or it is felt
     everywhere"""
-    no_room: int = 0
-    """episodes at whose end it waited for room on the road"""
-    unfollowed: int = 0
-    """episodes in which the event that it waits for did not happen"""
     begun_s: dict[int, float] = field(default_factory=dict)
     """seed -> s, when it took effect, of each episode in which it did"""
     nearest_m: dict[int, float] = field(default_factory=dict)
     """seed -> m, least gap between the ego and those on whom it acts or whom it puts on the road, while it is
     in effect"""
-    nobody: int = 0
-    """episodes in which its trigger held, but there was nobody for it to act on"""
+    why_not: dict[int, str] = field(default_factory=dict)
+    """seed -> why it did not take effect, of each episode that it is part of and in which it did not"""
     name: str | None = None
     """its name in the file, if it has one"""
 
@@ -72,16 +69,21 @@ class Firing:
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego meets it in {self.seen}"
-        others = self.drawn - self.fired
-        known = {NO_ROOM: self.no_room, UNFOLLOWED: self.unfollowed, NOBODY: self.nobody}
-        reasons = [EARLY] if sum(known.values()) < others else []
-        for reason, count in known.items():
-            if count:
-                reasons.append(reason if count == others else f"in {count} of them, {reason}")
-        why = ", or, ".join(reasons)
-        early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}{self._near}"
-        return f"event {numbered(self.number, self)}: {happens}{rest}{seen}{early}"
+        return f"event {numbered(self.number, self)}: {happens}{rest}{seen}{self._missed}"
+
+    @property
+    def _missed(self) -> str:
+        """In which episodes it did not take effect, and why, in words."""
+        by_reason: dict[str, list[str]] = {}
+        for seed, reason in sorted(self.why_not.items()):
+            by_reason.setdefault(reason, []).append(str(seed))
+        if not self.fired and len(by_reason) == 1:
+            return f": {next(iter(by_reason))}"
+        return "".join(
+            f"; not with seed{'s' * (len(seeds) != 1)} {listed(seeds)}: {reason}"
+            for reason, seeds in by_reason.items()
+        )
 
     @property
     def _times(self) -> str:
@@ -94,8 +96,9 @@ class Firing:
     @property
     def _near(self) -> str:
         """How near they come to the ego, in words."""
-        gaps = self.nearest_m.values()
-        return f", at the nearest {_span(gaps)} m from the ego" if gaps else ""
+        gaps = sorted(self.nearest_m.values())
+        half = f" (in half of them at most {_rounded(gaps[(len(gaps) - 1) // 2])})" if len(gaps) > 2 else ""
+        return f", at the nearest {_span(gaps)} m from the ego{half}" if gaps else ""
 
 
 def _span(values: Collection[float]) -> str:
@@ -253,10 +256,9 @@ def _count(found: list[Firing], world: World, seed: int, refused: set[int]) -> N
         if happening.begun_s is not None:
             firing.begun_s[seed] = happening.begun_s
         firing.seen += happening.visible_s is not None
-        firing.no_room += happening.no_room
-        firing.unfollowed += number in unfollowed
-        waits = happening.begun_s is None and not happening.no_room and number not in unfollowed
-        firing.nobody += waits and number in refused
+        if happening.begun_s is None:
+            missed = {NO_ROOM: happening.no_room, UNFOLLOWED: number in unfollowed, NOBODY: number in refused}
+            firing.why_not[seed] = next((reason for reason, holds in missed.items() if holds), EARLY)
 
 
 def _unfollowed(world: World) -> set[int]:

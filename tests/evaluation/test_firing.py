@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from rudc.cli.commands import app
 from rudc.errors import InputError, PartFailedError
-from rudc.evaluation.firing import Firing, drive_and_count
+from rudc.evaluation.firing import EARLY, NOBODY, UNFOLLOWED, Firing, drive_and_count
 from rudc.evaluation.rollout import run_episode
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.world.props import Prop
@@ -75,17 +75,18 @@ def in_the_first(n):
 
 def test_counts_say_what_probability_left_out():
     assert (
-        str(Firing(2, "hard_brake", 20, 20, 20, begun_s=in_the_first(20)))
+        str(Firing(2, "hard_brake", 20, 20, 20, in_the_first(20)))
         == "event 2 (events.1) hard_brake: happens in 20 of 20 episodes"
     )
-    assert str(Firing(1, "speeding", 20, 11, 9, begun_s=in_the_first(10))) == (
+    assert str(Firing(1, "speeding", 20, 11, 9, in_the_first(10), why_not={14: EARLY})) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
-        "and the ego meets it in 9; in the others its trigger did not come true before the episode "
+        "and the ego meets it in 9; not with seed 14: its trigger did not come true before the episode "
         "ended, with planner driving"
     )
-    lonely = str(Firing(1, "speeding", 9, 9, 3, nobody=2, begun_s=in_the_first(3)))
+    lonely = str(Firing(1, "speeding", 9, 9, 3, in_the_first(3), why_not={8: NOBODY, 4: EARLY, 7: NOBODY}))
     assert lonely.endswith(
-        "planner driving, or, in 2 of them, there was nobody for it to act on while its trigger held"
+        "; not with seed 4: its trigger did not come true before the episode ended, with planner driving"
+        "; not with seeds 7, 8: there was nobody for it to act on while its trigger held"
     )
 
 
@@ -120,11 +121,14 @@ def test_counts_say_how_near_they_come():
     assert str(near).endswith("at the nearest 0.4 to 34 m from the ego")
     touching = Firing(1, "accident", 2, 2, 2, begun_s=in_the_first(2), nearest_m={0: 0.048, 1: 0.1})
     assert str(touching).endswith("at the nearest 0.05 to 0.1 m from the ego")
+    gaps = dict(enumerate([51.0, 6.4, 15.0, 20.0]))
+    spread = str(Firing(1, "accident", 4, 4, 4, begun_s=in_the_first(4), nearest_m=gaps))
+    assert spread.endswith("at the nearest 6.4 to 51 m from the ego (in half of them at most 15)")
 
 
 def test_where_it_never_happens_there_are_no_others():
-    assert ": its trigger did not come true" in str(Firing(1, "speeding", 20, 20))
-    assert "in the others" not in str(Firing(1, "speeding", 20, 20))
+    never = str(Firing(1, "speeding", 2, 2, why_not={0: EARLY, 1: EARLY}))
+    assert never.endswith("happens in 0 of 2 episodes: " + EARLY)
 
 
 def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
@@ -133,8 +137,6 @@ def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
     settings = {"events": [riders], "traffic.density": 0, "episode.timeout": 1}
     (firing,), *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
     assert str(firing).endswith("happens in 0 of 2 episodes: there was no room for it on the road")
-    some = str(Firing(1, "vehicle_crossing", 9, 9, 3, 2, begun_s=in_the_first(3)))
-    assert some.endswith("planner driving, or, in 2 of them, there was no room for it on the road")
 
 
 def test_who_follows_an_event_that_did_not_happen_is_not_told_that_its_own_trigger_failed():
@@ -144,10 +146,11 @@ def test_who_follows_an_event_that_did_not_happen_is_not_told_that_its_own_trigg
     settings = {"events": [first, second, never], "traffic.density": 0, "episode.timeout": 1}
     surge, slippery, after = drive_and_count(load_scenario("random_destination", settings), range(6)).firings
     assert 0 < surge.fired < 6
-    assert (slippery.fired, slippery.unfollowed) == (surge.fired, 6 - surge.fired)
-    assert str(slippery).endswith("; in the others the event that it waits for did not happen")
-    assert (after.fired, after.unfollowed) == (0, 6 - surge.fired)
-    assert str(after).endswith(f"in {after.unfollowed} of them, the event that it waits for did not happen")
+    left_out = [seed for seed in range(6) if seed not in surge.begun_s]
+    assert slippery.why_not == dict.fromkeys(left_out, UNFOLLOWED)
+    named = f"{'s' * (len(left_out) > 1)} {', '.join(map(str, left_out))}"
+    assert str(slippery).endswith(f"; not with seed{named}: the event that it waits for did not happen")
+    assert after.why_not == {seed: UNFOLLOWED if seed in left_out else EARLY for seed in range(6)}
 
 
 OVERLAP = """
@@ -247,5 +250,7 @@ def test_validate_says_how_often_events_happen():
     assert first == ["sudden_brake: ok (1 event)", "  planner drives 3 episodes: 3 success"]
     counted = "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes"
     assert re.fullmatch(
-        re.escape(counted) + r", at \d\.\d to \d\.\d s, at the nearest \d\.\d to \d\.\d m from the ego", last
+        re.escape(counted)
+        + r", at \d\.\d to \d\.\d s, at the nearest \d\.\d to \d\.\d m from the ego \(.* at most \d\.\d\)",
+        last,
     ), last
