@@ -5,7 +5,8 @@ has a reverse gear, so they would stand for good; real drivers go back. Once the
 an SV that stands in the ego's way, and whose own way the ego bars, goes back along its lane at PACE m/s. It
 stops as soon as ROOM m are free between it and the ego's way. From the junction it does not go back over its
 stop line, and it keeps CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S
-at most. It does so once.
+at most. It does so once. Where others stand right behind it, they go back first, the last of them before all
+others, if they are QUEUE at most with it.
 
 SUMO has no negative speed, so in the meantime the scene says that it stands.
 """
@@ -13,7 +14,8 @@ SUMO has no negative speed, so in the meantime the scene says that it stands.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -42,8 +44,23 @@ ROOM = 1.0
 """m that it leaves free between itself and the ego's way"""
 CLEAR_M = 0.4
 """m that it leaves between itself and others, unless there is less already"""
+QUEUE = 3
+"""how many SVs go back at once, at most"""
 PATIENCE_S = 20.0
 """s from when it begins to go back until it drives on, whatever the ego does"""
+
+
+class _Back(NamedTuple):
+    """An SV that goes back."""
+
+    row: int
+    """of `network.paths`"""
+    s: float
+    """m along that row where it is"""
+    until_s: float
+    """s until when it waits"""
+    ahead: str
+    """name of the SV ahead of it for which it makes room; empty for the one at the ego's nose"""
 
 
 class BackingOff:
@@ -51,46 +68,76 @@ class BackingOff:
 
     def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
         self._sumo, self._traffic = sumo, traffic
-        self._back: dict[str, tuple[int, float, float]] = {}
-        """name -> its row, m along it where it is, and s until when it waits"""
+        self._back: dict[str, _Back] = {}
         self._done: set[str] = set()
 
     def step(self, scene: Scene, decision_s: float) -> None:
         """Move the SVs that go back by one decision of `decision_s` s, and release those that need wait no
         longer."""
+        step = PACE * decision_s
         if scene.waited_s >= STOOD_S:
             for i in _at_its_nose(scene).tolist():
-                s = float(scene.path_s[i])
-                if self._should_back(scene, i) and _may_be_at(scene, i, s - PACE * decision_s):
-                    self._done.add(scene.ids[i])
-                    self._back[scene.ids[i]] = int(scene.path[i]), s, scene.time_s + PATIENCE_S
-        for name, (row, s, until) in list(self._back.items()):
+                meets = self._may_begin(scene, i) and _in_its_way(scene, i, PASSING)
+                if meets and bars(scene, i, AHEAD_M, beyond=True):
+                    first = self._who_first(scene, i, step)
+                    if first is not None:
+                        self._begin(scene, i, "")
+                        self._follow(scene, i, first)
+        for name, back in list(self._back.items()):
             i = scene.ids.index(name) if name in scene.ids else -1
-            if (
-                i < 0
-                or scene.path[i] != row
-                or scene.time_s >= until
-                or not bars(scene, i, AHEAD_M, beyond=True)
-            ):
+            if i < 0 or scene.path[i] != back.row or self._is_over(scene, i, back):
                 del self._back[name]
                 if i >= 0:
                     self._sumo.slow_down(name, 0.0, decision_s)
                 continue
-            if _in_its_way(scene, i, ROOM) and _may_be_at(scene, i, s - PACE * decision_s):
-                s -= PACE * decision_s
-                self._back[name] = row, s, until
-                x, y, psi = _place(scene, i, s)
-            else:
-                (x, y), psi = scene.position[i].tolist(), float(scene.heading[i])
+            (x, y), psi = scene.position[i].tolist(), float(scene.heading[i])
+            if self._must_move(scene, i, back, step):
+                if _may_be_at(scene, i, back.s - step):
+                    self._back[name] = back._replace(s=back.s - step)
+                    x, y, psi = _place(scene, i, back.s - step)
+                elif all(other.ahead != name for other in self._back.values()):
+                    self._follow(scene, i, self._who_first(scene, i, step) or [])
             self._sumo.place(name, x, y, psi, 0.0, float(scene.size[i, 0]))
 
-    def _should_back(self, scene: Scene, i: int) -> bool:
-        """Whether the SV of row i, which stands at the ego's nose, should go back."""
-        name = scene.ids[i]
-        driver = self._traffic.drivers.get(name)
-        if name in self._done or driver is None or driver.overridden:
-            return False
-        return _in_its_way(scene, i, PASSING) and bars(scene, i, AHEAD_M, beyond=True)
+    def _who_first(self, scene: Scene, i: int, step: float) -> list[int] | None:
+        """Rows of those right behind the SV of row i who must go back before it can, by `step` m at first,
+        the nearest first; None if it cannot."""
+        queue = [i]
+        while not _may_be_at(scene, queue[-1], float(scene.path_s[queue[-1]]) - step):
+            behind = _right_behind(scene, queue[-1])
+            together = {*self._back, *(scene.ids[k] for k in queue)}
+            if behind is None or len(together) >= QUEUE or not self._may_begin(scene, behind):
+                return None
+            queue.append(behind)
+        return queue[1:]
+
+    def _may_begin(self, scene: Scene, i: int) -> bool:
+        driver = self._traffic.drivers.get(scene.ids[i])
+        return scene.ids[i] not in self._done and driver is not None and not driver.overridden
+
+    def _follow(self, scene: Scene, i: int, rows: list[int]) -> None:
+        """Let those of `rows` make room for the SV of row i, each for the one before it."""
+        for ahead, row in pairwise([i, *rows]):
+            self._begin(scene, row, scene.ids[ahead])
+
+    def _begin(self, scene: Scene, i: int, ahead: str) -> None:
+        until = scene.time_s + PATIENCE_S
+        self._back[scene.ids[i]] = _Back(int(scene.path[i]), float(scene.path_s[i]), until, ahead)
+        self._done.add(scene.ids[i])
+
+    def _is_over(self, scene: Scene, i: int, back: _Back) -> bool:
+        """Whether the SV of row i drives on."""
+        if scene.time_s >= back.until_s:
+            return True
+        return back.ahead not in self._back if back.ahead else not bars(scene, i, AHEAD_M, beyond=True)
+
+    def _must_move(self, scene: Scene, i: int, back: _Back, step: float) -> bool:
+        """Whether the SV of row i must go back farther: the one at the ego's nose until it has left the ego
+        room, the others while the one ahead must and cannot go back by `step` m."""
+        if not back.ahead:
+            return _in_its_way(scene, i, ROOM)
+        k, ahead = scene.ids.index(back.ahead), self._back[back.ahead]
+        return self._must_move(scene, k, ahead, step) and not _may_be_at(scene, k, ahead.s - step)
 
 
 def bars(scene: Scene, i: int, ahead_m: float, *, beyond: bool = False) -> bool:
@@ -132,6 +179,18 @@ def _in_its_way(scene: Scene, i: int, gap: float) -> bool:
         np.tile(scene.position[i], (n, 1)), np.full(n, scene.heading[i]), np.tile(scene.size[i], (n, 1)),
     )  # fmt: skip
     return bool(gaps.min() < gap)
+
+
+def _right_behind(scene: Scene, i: int) -> int | None:
+    """Row of the SV that stands where the SV of row i would go back, less than CLEAR_M from it."""
+    x, y, psi = _place(scene, i, float(scene.path_s[i]) - CLEAR_M)
+    stand = ((scene.path >= 0) & (scene.speed < STANDING)).nonzero()[0]
+    stand = stand[stand != i]
+    length, width = scene.size[i].tolist()
+    gaps = rectangle_gaps(
+        x, y, psi, length, width, scene.position[stand], scene.heading[stand], scene.size[stand]
+    )
+    return int(stand[gaps.argmin()]) if len(stand) and gaps.min() < CLEAR_M else None
 
 
 def _place(scene: Scene, i: int, s: float) -> tuple[float, float, float]:

@@ -159,3 +159,26 @@ def test_who_has_room_enough_stands(nose_to_nose):
     far = nose_to_nose(back=4.0)
     one.step(far, DECISION_S)
     assert asked.places[-1][1:] == pytest.approx(tuple(far.position[0]))
+
+
+@pytest.mark.parametrize(("queue", "goes"), [(backing_off.QUEUE, True), (1, False)])
+def test_who_stands_right_behind_goes_back_first(nose_to_nose, four_way, monkeypatch, queue, goes):
+    """Two who turned left stood in the junction, the ego before the first: nobody moved any more."""
+    monkeypatch.setattr(backing_off, "QUEUE", queue)
+    row, gap = four_way.route("north", "left").row, 0.5
+    first = nose_to_nose()
+    begun = {"other0": float(first.path_s[0]), "other1": float(first.path_s[0] - first.size[0, 0]) - gap}
+    now, moved, (one, asked) = dict(begun), [], backing()
+    for _ in range(60):
+        behind = {"row": row, "s": now["other1"], "v": 0.0}
+        asked.places.clear()
+        scene = nose_to_nose(behind, back=begun["other0"] - now["other0"])
+        one.step(scene, DECISION_S)
+        for name, x, y in asked.places:
+            s = now[name] - PACE * DECISION_S
+            (there,), _ = four_way.paths.body_pose(np.array([row]), np.array([s]), 5.0)
+            if np.hypot(*(there - (x, y))) < 0.01:
+                now[name] = s
+                moved.append(name)
+    assert moved[:1] == (["other1"] if goes else [])
+    assert all((begun[name] - now[name] > 1.0) == goes for name in now)
