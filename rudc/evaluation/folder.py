@@ -39,7 +39,7 @@ from rudc.evaluation.metrics import STATISTICS, Group, group_metrics
 from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.rows import Columns, SweepRows, by_row, undamaged
-from rudc.evaluation.store import Cells, RowFile, format_row, read_header, table_blocks
+from rudc.evaluation.store import Cells, RowFile, format_row, one_line, read_header, table_blocks
 from rudc.evaluation.tasks import Key, SweepPlan, Task
 from rudc.files import make_folder, take_lock, write_atomically
 
@@ -61,6 +61,8 @@ class SweepFolder:
         self.tasks = plan.tasks()
         self._plan = plan
         self._episodes = RowFile(path / "episodes.csv", [*COLUMNS, *plan.parameters])
+        self._there = RowFile(self._episodes.path, self._episodes.header)
+        """the file as the folder has it when it is opened"""
         self._lock: int | None = None
         self.finished: set[Key] = set()
         """keys of the episodes that need not be run"""
@@ -83,9 +85,7 @@ class SweepFolder:
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
         content = settled(self.path, new, resume, "finish the sweep", partial(self._grown, new))
-        if resume:  # before the columns, so that it names them after any kill
-            write_atomically(self.path / "manifest.json", as_json(content))
-        self._take_columns()
+        self._take_order_of_columns()
         copies = keep_networks(self._plan, self.path)
         digests = agent_digests(content)
         own = {
@@ -100,7 +100,10 @@ class SweepFolder:
             )
             for task in self.tasks
         ]
-        self._keep_finished()
+        kept = self._kept_rows()
+        if resume:  # before the rows, so that it names their columns after any kill
+            write_atomically(self.path / "manifest.json", as_json(content))
+        self._drop_all_but(kept)
         left = len(self.finished) < len(self.tasks)
         content = with_versions(self.path, content, new["versions"] if left else None, self.warnings)
         write_atomically(self.path / "manifest.json", as_json(content))
@@ -159,34 +162,35 @@ class SweepFolder:
             f"mix. `rudc table {self.path}` reads it; to run the sweep again, give another --out"
         )
 
-    def _take_columns(self) -> None:
+    def _take_order_of_columns(self) -> None:
         """Keep swept values in the order in which the rows that are there have them; `--set` may name the
-        same keys in another. Rows get an empty cell for each key that only new scenarios sweep.
+        same keys in another. Those that only new scenarios sweep come last.
         """
         header, n = read_header(self._episodes.path), len(COLUMNS)
-        if header[:n] != list(COLUMNS) or not set(header[n:]) <= set(self.parameters):
-            return
-        added = [key for key in self.parameters if key not in header[n:]]
-        self.parameters = (*header[n:], *added)
-        there = RowFile(self._episodes.path, header)
-        self._episodes.header = [*header, *added]
-        if added:
-            self._episodes.rewrite([format_row([*row, *([""] * len(added))]) for row in there.rows()])
+        if header[:n] == list(COLUMNS) and set(header[n:]) <= set(self.parameters):
+            self.parameters = (*header[n:], *(key for key in self.parameters if key not in header[n:]))
+            self._episodes.header = [*COLUMNS, *self.parameters]
+            self._there.header = header
 
     def _key(self, row: Sequence[str]) -> Key:
         return (*row[: len(IDENTITY)], *row[len(COLUMNS) :])
 
-    def _keep_finished(self) -> None:
-        """Keep the rows of finished episodes, and drop what a kill or an error left."""
+    def _kept_rows(self) -> list[str]:
+        """The rows of finished episodes, with an empty cell for each key that only new scenarios sweep."""
         wanted = {task.key(self.parameters) for task in self.tasks}
-        header, kept = self._episodes.header, []
-        blocks = (dict(zip(header, cells, strict=True)) for cells in self._episodes.blocks())
-        for block in undamaged(blocks, self.parameters, self._episodes.path):
+        header, kept = self._there.header, []
+        added = ("",) * (len(self._episodes.header) - len(header))
+        blocks = (dict(zip(header, cells, strict=True)) for cells in self._there.blocks())
+        for block in undamaged(blocks, header[len(COLUMNS) :], self._episodes.path):
             for row in zip(*block.values(), strict=True):
-                key = self._key(row)
+                key = self._key((*row, *added))
                 if key in wanted and not row[_ERROR]:
                     self.finished.add(key)
-                    kept.append(format_row(row))
+                    kept.append(format_row((*row, *added)))
+        return kept
+
+    def _drop_all_but(self, kept: list[str]) -> None:
+        """Drop what a kill or an error left."""
         self._episodes.rewrite(kept)
         with contextlib.suppress(FileNotFoundError):
             (self.path / "metrics.csv").unlink()
@@ -280,13 +284,36 @@ def sweep_rows(path: str | Path) -> SweepRows:
     names = (*COLUMNS, *(name for name in others if name not in parameters), *parameters)
 
     def columns() -> Iterator[Columns]:
+        named = _named(path)
         for cells in _read(path)[1]:
             known = dict(zip(there, cells, strict=True))
             nothing = [""] * len(cells[0])
+            for column, those in named.items():
+                _refuse_strangers(path, column, set(known[column]) - those)
             yield {name: known.get(name, nothing) for name in names}
 
     lacking = frozenset(missing_columns(there))
     return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file), lacking)
+
+
+def _named(path: Path) -> dict[str, set[str]]:
+    """Column -> the agents or scenarios of a folder's manifest; empty without a sound one."""
+    try:
+        told = read_manifest(path)["configuration"]
+    except SweepError:
+        return {}
+    parts = {"agent": "agents", "scenario": "scenarios"}
+    return {column: {one_line(as_text(name)) for name in told[part]} for column, part in parts.items()}
+
+
+def _refuse_strangers(path: Path, column: str, others: set[str]) -> None:
+    """Raise SweepError for rows of agents or scenarios of which the manifest says nothing, so that nobody
+    knows what they were made from."""
+    if others:
+        raise SweepError(
+            f"{path / 'episodes.csv'} has rows of the {column} {min(others)!r}, of which manifest.json says "
+            "nothing; leave them in the folder where they were driven: `rudc table` takes several folders"
+        )
 
 
 def _swept(path: Path) -> set[str] | None:

@@ -287,9 +287,10 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
     keys = [key for key in {**flat_old, **flat_new} if flat_old.get(key) != flat_new.get(key)]
     differ = [key for key in keys if not _OF_CONTENT.match(key)]
     told = [key for key in differ if not _only_moved(key, flat_old, flat_new)]
-    for key in told or differ:
+    content = [key for key in keys if _OF_CONTENT.match(key)]
+    for key in told or ([] if content else differ):
         yield f"{key}: {flat_old.get(key, 'absent')} there, {flat_new.get(key, 'absent')} here"
-    for key in () if differ else keys:
+    for key in () if told else content:
         values = key.removesuffix("digest") + "values."
         network = flat_new.get(values + "sweep.network") or flat_new[values + "network"]
         yield f"{key}: what is in {network} has changed"

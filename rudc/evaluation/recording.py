@@ -24,6 +24,7 @@ from rudc.drawing.view import View, view_of
 from rudc.evaluation.moments import Step, moments
 from rudc.network.paths import SPACING
 from rudc.network.polyline import straightened
+from rudc.world.ego import GRAVITY, grip_of
 from rudc.world.events import event_lines
 from rudc.world.scene import Kind, Scene
 from rudc.world.who_yields import who_yields
@@ -299,7 +300,7 @@ def _series(truth: Scene, decision: Decision, result: StepResult) -> dict[str, f
         "gap_m": result.advance.min_dtc_m, "reward": result.reward, "cost": result.cost,
         "friction": _or_nan(getattr(known, "friction", None)),
         "delay_s": _or_nan(getattr(known, "delay_s", None)),
-        "true_friction": _or_nan(getattr(real, "friction", None)),
+        "true_friction": math.nan if real is None else grip_of(real) / GRAVITY,
         "true_delay_s": _or_nan(getattr(real, "delay_s", None)),
     }  # fmt: skip
 

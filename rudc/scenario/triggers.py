@@ -206,11 +206,11 @@ class Conditions(FileModel, frozen=True):
     traveled_distance: DistanceThreshold | None = None
     """m the ego has driven since the episode began"""
     relative_distance: RelativeDistance | None = None
-    """m between the ego and a surrounding vehicle, or who or what takes part in an event"""
+    """m from the ego's centre to that of a surrounding vehicle, or of who or what takes part in an event"""
     time_headway: TimeHeadway | None = None
     """s of headway to a surrounding vehicle, by default the leader"""
     time_to_collision: TimeToCollision | None = None
-    """s to a collision with a surrounding vehicle, by default the nearest"""
+    """s until the gap to a surrounding vehicle, by default the nearest, has closed"""
     reach_position: ReachPosition | None = None
     """the ego, or a vehicle, is near a place"""
     speed: SpeedOf | None = None

@@ -91,7 +91,7 @@ def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.rando
         there, type_ = comes_from(scene, selector), _type(selector)
         serves = there if isinstance(selector, ByArm) else there & _crosses(scene)
         fit = [one for one in placed if serves[_row(scene, one.movement)] and type_ in (None, one.type)]
-        if not fit and not _due(scene, selector):
+        if not fit and not _due(scene, stage, selector):
             placed += _towards_junction(scene, stage, rng, selector, placed)
         if isinstance(selector, ByArm) and selector.turn:
             names = [scene.ids[i] for i in np.flatnonzero(scene.path >= 0) if there[scene.path[i]]]
@@ -190,13 +190,13 @@ def _pace(scene: Scene) -> float:
     return max(scene.ego.v, 0.5 * scene.route.speed_limit)
 
 
-def _due(scene: Scene, selector: str | ByArm) -> bool:
+def _due(scene: Scene, stage: WorldStage, selector: str | ByArm) -> bool:
     """Whether a vehicle that the selector can name reaches its stop line at about the ego's time. If one that
     is added would cross the ego's path, only those count that do.
     """
     due = towards_junction(scene, selector) - _arrival_s(scene)
     soon, crosses = (due > -EARLY_S) & (due < LATE_S), _crosses(scene)
-    added = _crossing(scene, selector)  # all of them cross the ego's path, or none
+    added = _crossing(scene, stage, selector)  # all of them cross the ego's path, or none
     if added and crosses[_row(scene, added[0])]:
         soon &= crosses[scene.path]
     return bool(soon.any())
@@ -206,7 +206,7 @@ def _towards_junction(
     scene: Scene, stage: WorldStage, rng: np.random.Generator, selector: str | ByArm, placed: list[_Placed]
 ) -> list[_Placed]:
     """Add one vehicle that comes as the selector says, if there is a place for it."""
-    network, movements = stage.network, _crossing(scene, selector)
+    network, movements = stage.network, _crossing(scene, stage, selector)
     bodies = [one.body for one in placed]
     others = np.column_stack([scene.position, scene.heading, scene.size])
     others = np.concatenate([others, np.array(bodies).reshape(-1, 5)])
@@ -247,15 +247,17 @@ def _free_way(stage: WorldStage, route: Route, s: float, way: float) -> float:
     return float(free)
 
 
-def _crossing(scene: Scene, selector: str | ByArm) -> list[Movement]:
+def _crossing(scene: Scene, stage: WorldStage, selector: str | ByArm) -> list[Movement]:
     """Movements of those that come as the selector says (`comes_from`), on other arms than the ego's: those
-    that cross the ego's path, or all of them if none does.
+    with a turn that the traffic takes, if there are any; of these those that cross the ego's path, or all of
+    them if none does.
     """
     there, crosses = comes_from(scene, selector), _crosses(scene)
     found = [
         movement for movement in scene.network.onward
         if there[movement.rows[0]] and movement.origin != scene.route.origin
     ]  # fmt: skip
+    found = [movement for movement in found if stage.traffic.takes(movement)] or found
     return [movement for movement in found if crosses[_row(scene, movement)]] or found
 
 

@@ -58,6 +58,10 @@ class Demand:
         shares = [self._turns[turn] / alike.count(turn) for turn in alike]
         return choices[bisect_right(_cumulative(shares), rng.random())]
 
+    def takes(self, movement: Movement) -> bool:
+        """Whether those who come by its arm may turn as a movement does."""
+        return self._turns is None or bool(self._turns.get(movement.turn))
+
 
 def no_way(network: Network, origins: Iterable[str] | None, turns: Iterable[str] | None) -> str:
     """Says that nobody comes by the arms (None: by any) with one of the turns (None: with any)."""

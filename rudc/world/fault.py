@@ -1,7 +1,8 @@
 """Whose fault a collision of the ego is, by the rules below; the first rule that fits decides.
 
 0. An event put the other where it is, so near that the ego could not stop: the other's fault.
-1. The other stands or is a pedestrian: the ego's fault if the ego moved, else shared. Where an ego that moves
+1. The other stands (below 0.5 m/s) or is a pedestrian: the ego's fault if the ego moved, or, where it crept
+   (below 0.5 m/s), if it was the faster one; else shared. Where an ego that moves
    on its reference path hits a car that the yielding layer makes brake or stand for the ego, and that has not
    stood for IN_SIGHT_S yet, this rule does not apply: rules 3 to 8 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
@@ -29,6 +30,8 @@ from rudc.world.scene import STANDING, Kind, Scene
 Fault = Literal["ego", "other", "shared"]
 IN_SIGHT_S = 3.0
 """s after which who stands, for whatever reason, is one that the other could have seen standing"""
+MOVES = 0.05
+"""m/s, up to which the ego does not move"""
 MERGING = math.pi / 12
 """rad between the headings of two that merge, up to which one drives behind the other"""
 
@@ -55,7 +58,7 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
     stands = scene.kind[index] == Kind.PEDESTRIAN or other_speed < STANDING
     on_path = abs(scene.ego_offset) < 1.0
     if stands and not (held and ego.v >= STANDING and on_path):
-        return "ego" if ego.v >= STANDING else "shared"
+        return "ego" if ego.v >= STANDING or ego.v > max(other_speed, MOVES) else "shared"
     turn = math.cos(scene.heading[index] - ego.psi)
     ahead = dx * math.cos(ego.psi) + dy * math.sin(ego.psi)
     stood = scene.waited_s >= IN_SIGHT_S and turn > math.cos(math.pi / 4) and ahead < 0

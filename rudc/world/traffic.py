@@ -263,6 +263,10 @@ class Traffic:
         names, weights = self._mix
         return names[0] if len(names) == 1 else names[self._rng.choice(len(names), p=weights)]
 
+    def takes(self, movement: Movement) -> bool:
+        """Whether the scenario lets vehicles turn as a movement does."""
+        return self._demand.takes(movement)
+
     def may_drive(self, kind: str, movement: Movement, lane: Lane) -> bool:
         """Whether a kind of vehicle may enter on a lane and drive a movement."""
         vclass = VEHICLE_TYPES[kind].vclass

@@ -90,6 +90,18 @@ def test_what_only_has_the_name_in_common(fakes, make_plan, tmp_path):
     assert "rows come from several versions: code " in warnings[1]
 
 
+@pytest.mark.parametrize("column", ["agent", "scenario"])
+def test_rows_that_were_driven_elsewhere_are_refused(fakes, make_plan, tmp_path, column):
+    """Rows of two sweeps were put into one file by hand: its manifest knew nothing of half of them."""
+    run_sweep(make_plan(agents=("sumo",)), tmp_path, fakes.Runner)
+    rewritten(tmp_path / "episodes.csv", column, "polite")
+    told = rf"has rows of the {column} 'polite', of which manifest\.json says nothing; leave them"
+    with pytest.raises(SweepError, match=told):
+        table(tmp_path)
+    (tmp_path / "manifest.json").unlink()
+    assert "polite" in table(tmp_path)
+
+
 def test_one_folder_is_read_as_it_is(fakes, make_plan, tmp_path):
     run_sweep(make_plan(), tmp_path, fakes.Runner)
     assert joined_rows([tmp_path], BY, []).names == sweep_rows(tmp_path).names

@@ -100,6 +100,9 @@ def test_any_column_with_a_mean_is_a_metric():
     assert (summary.low, summary.high) == (0.0, 100.0)  # Student's of two reaches beyond
     assert average(size, rows) == pytest.approx((10 * 0.1 + 30 * 0.5) / 40)
     assert math.isnan(average(size, [row()]))
+    gaps, rewards = [row(min_dtc_m=0.1), row(min_dtc_m=1.4)], [row(episode_reward=-5), row(episode_reward=3)]
+    assert group_metrics(gaps, (), [METRICS[6]])[0].metrics["min_DTC"].low == 0.0  # no gap is smaller
+    assert group_metrics(rewards, (), [METRICS[4]])[0].metrics["AER"].low < -5.0
     assert metric_of("agent") is None
     assert metric_of("nothing") is None
 

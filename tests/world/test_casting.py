@@ -122,6 +122,16 @@ def test_traffic_that_does_not_cross_the_egos_path_is_no_reason_to_add_nobody(wo
         assert not math.isnan(scene.network.conflict(scene.route)[scene.path[row], 0]), seed
 
 
+@pytest.mark.parametrize("turn", ["left", "straight", "right"])
+def test_who_is_added_turns_as_the_traffic_does(world, turn):
+    source = replace(QUIET, origin="south", turn="left", turns={turn: 1.0})
+    source = replace(source, events=(brake({"from": "north"}),))
+    for seed in range(4):
+        scene = world.reset(source.plan(seed))
+        (row,) = np.flatnonzero(scene.path >= 0)
+        assert scene.path[row] in world.network.movement("north", turn).rows, seed
+
+
 @pytest.mark.parametrize(("selector", "origin"), [("oncoming", "north"), ("crossing", "east")])
 def test_where_an_arm_bends_its_heading_at_the_stop_line_counts(world_on, tmp_path, selector, origin):
     network = str(bent(tmp_path))

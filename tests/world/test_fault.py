@@ -65,6 +65,14 @@ def test_what_touches_a_standing_ego_while_standing_is_shared(contact):
     assert contact(4.8, 0.0, 0.0, 0.0, ego=0.0) == "shared"
 
 
+def test_an_ego_that_creeps_into_what_stands_is_at_fault_if_it_is_the_faster_one(contact):
+    assert contact(4.8, 0.0, 0.0, 0.0, ego=0.3) == "ego"
+    assert contact(3.0, 0.0, math.pi / 2, 0.0, ego=0.3, kind=Kind.PEDESTRIAN) == "ego"
+    assert contact(3.0, 0.0, math.pi / 2, 1.4, ego=0.3, kind=Kind.PEDESTRIAN) == "shared"
+    assert contact(4.8, 0.0, math.pi, 0.4, ego=0.2) == "shared"
+    assert contact(4.8, 0.0, 0.0, 0.0, ego=0.02) == "shared"
+
+
 def test_an_ego_that_waits_where_it_may_is_never_at_fault(contact):
     assert contact(3.0, 0.0, math.pi / 2, 6.0, ego=0.0, front=-1.0) == "other"
     assert contact(-4.8, 0.0, 0.0, 6.0, ego=0.0, front=20.0) == "other", "hit from behind, anywhere"

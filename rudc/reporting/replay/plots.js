@@ -16,12 +16,12 @@ const PLOTS = [
     { name: 'sigma_ale', label: 'ale', style: 'faint' }, { name: 'sigma_epi', label: 'epi', style: 'dashed' },
     { name: 'sigma', label: 'sigma', style: 'bold' }] },
   { title: 'Least h', unit: 'm²', zero: true, cut: 60, lines: [{ name: 'least_h_m2', label: 'h', style: 'bold' }] },
-  { title: 'Slack', unit: 'delta(sigma)', zero: true, varies: true, lines: [
+  { title: 'Slack', unit: 'delta(sigma)', zero: true, usual: 0, lines: [
     { name: 'slack', label: 'delta', style: 'bold' }] },
   { title: 'Smallest gap', unit: 'm', floor: 0, cut: 20, lines: [{ name: 'gap_m', label: 'gap', style: 'bold' }] },
-  { title: 'Friction', unit: 'mu', floor: 0, lines: [
+  { title: 'Friction', unit: 'mu', floor: 0, usual: 0.9, lines: [
     { name: 'true_friction', label: 'true', style: 'dashed' }, { name: 'friction', label: 'identified', style: 'bold' }] },
-  { title: 'Delay', unit: 's', floor: 0, varies: true, lines: [
+  { title: 'Delay', unit: 's', floor: 0, usual: 0, lines: [
     { name: 'true_delay_s', label: 'true', style: 'dashed' }, { name: 'delay_s', label: 'identified', style: 'bold' }] },
 ];
 const LEVELS = { '': 0, nominal: 0.15, solved: 0.55 };
@@ -30,7 +30,7 @@ const LEFT = 44, RIGHT = 8, TOP = 19, BOTTOM = 5, TIGHT = 420;
 function plotsOf(runs) {
   const known = (plot, run) => plot.lines.some((line) => {
     const values = run.series[line.name].filter((v) => v !== null);
-    return plot.varies ? values.some((v) => v !== 0) : values.length > 0;
+    return plot.usual === undefined ? values.length > 0 : values.some((v) => Math.abs(v - plot.usual) > 1e-9);
   });
   return PLOTS.filter((plot) => runs.some((run) => known(plot, run)));
 }

@@ -17,6 +17,8 @@ _NAMED = 3
 """scenarios named at most in a sentence"""
 _LISTED = 8
 """scenarios listed at most, where no order says which matter"""
+_SURE = 0.05
+"""McNemar's p from which on a difference may be chance"""
 _SELDOM = 0.5
 """an event that happens in fewer of the episodes is worth a sentence"""
 
@@ -98,7 +100,8 @@ def _against(first: int, other: int, data: Mapping[str, Any]) -> str:
         if name not in [m.name for m in _RATES]:
             continue
         change, low, high = sign * value[3] + 0.0, *sorted((sign * value[4], sign * value[5]))
-        chance = "" if low > 0.0 or high < 0.0 else ", which may be chance"
+        clear = (low > 0.0 or high < 0.0) and value[8] < _SURE
+        chance = "" if clear else f", which may be chance (McNemar's p = {value[8]:.2g})"
         parts.append(f"{name} {change:+.1f} points [{low:+.1f}, {high:+.1f}]{chance}")
     return f"{'; '.join(parts)} (n = {max(value[0] for value in values)})"
 

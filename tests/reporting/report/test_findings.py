@@ -62,6 +62,18 @@ def test_agents_that_succeed_equally_often_are_all_named():
     assert said[1].startswith("b over all scenarios: SR 100.0 ["), "one alone is not the best of any"
 
 
+@pytest.mark.parametrize(("count", "said"), [(5, True), (6, False)])
+def test_a_difference_is_chance_if_either_of_its_tests_says_so(count, said):
+    """Of five pairs that all go one way the interval is clear of zero, and McNemar's p 0.0625."""
+    blank = dict.fromkeys(COLUMNS, "")
+    ends = {"a": "success", "b": "frozen"}
+    rows = [{**blank, **row(ends[a], agent=a, seed=str(k))} for a in ends for k in range(count)]
+    told = Episodes.of(rows, ())
+    data = {"scenarios": told.scenarios, "agents": told.agents, "events": [], "pairs": differences(told)}
+    line = findings(told, group_metrics(rows, ("agent",), METRICS), data, None)[2]
+    assert ("which may be chance (McNemar's p = 0.062)" in line.partition(";")[0]) == said
+
+
 def test_agents_are_ranked_by_the_episodes_that_all_finished():
     blank = dict.fromkeys(COLUMNS, "")
     ends = {("a", "s"): "success", ("b", "s"): "success", ("b", "t"): "frozen"}
