@@ -109,12 +109,19 @@ class Passing:
 
     def _wanted(self, path: Index, s: Array, lengths: Array, speed: Array) -> Array:
         """(N,) m to the left of their lane's middle where SVs should be, whose middles are at `s` m on rows
-        `path`, given their lengths (m) and speeds (m/s)."""
-        classes = self.classes(lengths)
-        last = self._next.shape[2] - 1
-        station = self._next[classes, path, np.clip((s / SPACING).astype(int), 0, last)]
-        near = station * SPACING - s < HORIZON_S * speed + SHIFT_M
-        return np.where(near, self._sought[classes, path, np.minimum(station, last)], 0.0)
+        `path`, given their lengths (m) and speeds (m/s): as far aside as they must be next, on the stretch
+        that the yielding layer looks at.
+        """
+        classes, wanted = self.classes(lengths), np.zeros(len(s))
+        first = np.clip((s / SPACING).astype(int), 0, self._next.shape[2] - 1)
+        last = ((s + HORIZON_S * speed + SHIFT_M) / SPACING).astype(int)
+        for i in (self._next[classes, path, first] <= last).nonzero()[0].tolist():
+            sought = self._sought[classes[i], path[i], first[i] : last[i] + 1]
+            sought = sought[sought != 0.0]
+            other_side = np.flatnonzero(sought * sought[0] < 0.0)
+            sought = sought[: other_side[0]] if len(other_side) else sought
+            wanted[i] = sought[np.abs(sought).argmax()]
+        return wanted
 
     def _find(self, standing: list[Prop]) -> None:
         paths = self._network.paths

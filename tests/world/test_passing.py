@@ -91,3 +91,12 @@ def test_a_sumo_driven_ego_passes_too(world):
     else:
         pytest.fail("it stood")
     assert -0.85 <= min(offsets) < -0.58
+
+
+@pytest.mark.parametrize("mix", [{"car": 1.0}, {"truck": 1.0}])
+def test_who_passes_a_thing_that_stands_aslant_goes_as_far_aside_as_its_far_end_asks(world, mix):
+    """Its near end asked for less: a truck stopped before the far end, and stood for good."""
+    thing = {"lane": "west_in_0", "at": 40.0, "lateral": 1.5, "size": [6.0, 0.3], "heading_offset": -8.0}
+    passed, _, _, touched = drive(world, event("accident", objects=[thing]), mix=mix)
+    assert passed >= 2
+    assert touched == 0
