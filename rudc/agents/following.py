@@ -11,6 +11,11 @@ The leader is the first vehicle that moves in the ego's direction, however slowl
 the ego is about to drive over, on the next REACH m or, if that is more, as far as it needs to stop; only what
 its body covers of the band counts, and who is in it beside the ego is left to the filter. Vehicles that stand
 still there are left to courses.py: a course may lead round them, and needs PULL_OUT m for that.
+
+Somebody may step out between the two, and a patch of ice is seen only once the ego is on it. So the ego also
+keeps HEADWAY_S behind its leader, the two seconds that driving schools teach, by
+
+    a <= max(-EASES, (gap - HEADWAY_S v) / SETTLES_S^2 + (v_leader - v) / SETTLES_S)
 """
 
 from __future__ import annotations
@@ -27,13 +32,19 @@ from rudc.world.scene import STILL, Scene
 
 PLANNED, LEADER = 3.0, 4.5
 """m/s2, m/s2: how hard the ego plans to brake, about what ice gives, and how hard its leader may brake"""
+HEADWAY_S = 2.0
+"""s of its way that the ego keeps free behind its leader"""
+SETTLES_S = 1.5
+"""s, in about which it comes to that distance"""
+EASES = 1.5
+"""m/s2, how hard it brakes for that distance alone"""
 PULL_OUT = 3.0
 """m, distance kept behind vehicles that stand: nearer, the ego could not pull out"""
 
 
 def ready_to_follow(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop
-    behind its leader."""
+    behind its leader, and comes to its distance from it."""
     line, body = scene.route.path, scene.vehicle
     braking = planned(scene, PLANNED)
     gap, along = who_leads(
@@ -43,5 +54,6 @@ def ready_to_follow(scene: Scene, u: Array) -> Array:
     )  # fmt: skip
     if math.isinf(gap):
         return u
-    room = gap - PULL_OUT + along**2 / (2 * LEADER)
-    return at_most(u, slowing(scene, room, 0.0, braking))
+    room, v = gap - PULL_OUT + along**2 / (2 * LEADER), scene.ego.v
+    keeps = (gap - HEADWAY_S * v) / SETTLES_S**2 + (along - v) / SETTLES_S
+    return at_most(u, min(slowing(scene, room, 0.0, braking), max(keeps, -EASES)))

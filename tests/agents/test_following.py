@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.following import LEADER, PLANNED, PULL_OUT, ready_to_follow
+from rudc.agents.following import EASES, HEADWAY_S, LEADER, PLANNED, PULL_OUT, ready_to_follow
 from rudc.agents.outlook import OutlookSettings
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import STANDING, STILL
@@ -149,3 +149,20 @@ def test_an_ego_that_is_fast_heeds_a_leader_that_is_farther_away(make_scene, fou
     fast = replace(four_way.vehicle, v_max=30.0)
     scene = make_scene(leader(four_way, straight, 80.0, 1.0), front=FRONT, v=25.0, vehicle=fast)
     assert ready_to_follow(scene, FULL)[0] < 0.0
+
+
+@pytest.mark.parametrize(("v", "gap"), [(8.0, 9.5), (8.0, 30.0), (4.0, 12.0)])
+def test_it_comes_to_two_seconds_behind_a_leader_that_drives_on(make_scene, four_way, straight, v, gap):
+    """A man who ran out between the two could not be braked for."""
+    plant, went, hardest = EgoPlant(four_way.vehicle), 0.0, 0.0
+    s = began = make_scene(front=FRONT).ego_s - 20.0
+    plant.resume(make_scene(v=v).ego, plant.actuation)
+    for _ in range(100):
+        x, y, psi = map(float, four_way.route("south", "straight").path.pose(s))
+        other = leader(four_way, straight, gap + went - 20.0, v)
+        ego = replace(plant.state, x=x, y=y, psi=psi)
+        u = ready_to_follow(replace(make_scene(other), ego=ego, ego_s=s), np.array([1.5, 0.0]))
+        s += 0.05 * (ego.v + plant.step(float(u[0]), 0.0, 0.1).v)
+        went, hardest = went + 0.1 * v, min(hardest, float(u[0]))
+    assert gap + went - (s - began) == pytest.approx(HEADWAY_S * v, rel=0.1)
+    assert hardest >= -EASES
