@@ -120,7 +120,7 @@ class Hit(NamedTuple):
     fault: str
     """whose fault: `ego`, `other` or `shared`"""
     sudden: bool
-    """whether an event put it so near that the ego could not stop"""
+    """whether an event put or sent it so near that the ego could not but meet it"""
     event: str = ""
     """name of the event in which it takes part, or `event 2`; empty if it takes part in none"""
 

@@ -1,6 +1,7 @@
 """Whose fault a collision of the ego is, by the rules below; the first rule that fits decides.
 
-0. An event put the other where it is, so near that the ego could not stop: the other's fault.
+0. An event put the other where it is, so near that the ego could not stop, or sent it less than 4 s ago into
+   the ego's way, so near that the ego could neither stop nor drive past before it: the other's fault.
 1. The other stands (below 0.5 m/s) or is a pedestrian: the ego's fault if the ego moved, or, where it crept
    (below 0.5 m/s), if it was the faster one; else shared. Where an ego that moves
    on its reference path hits a car that the yielding layer makes brake or stand for the ego, and that has not
@@ -43,13 +44,13 @@ class Collision(NamedTuple):
     kind: Kind
     fault: Fault
     sudden: bool = False
-    """whether an event put it so near that the ego could not stop (rule 0)"""
+    """whether an event put or sent it so near that the ego could not but meet it (rule 0)"""
 
 
 def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:
     """Whose fault a contact between the ego and row `index` of the scene's others is. `unlawful`: an event
     makes the other disregard the right of way; `held`: the yielding layer makes it brake for the ego or has
-    just made it stand; `sudden`: an event put it so near that the ego could not stop."""
+    just made it stand; `sudden`: an event put or sent it so near that the ego could not but meet it."""
     if sudden:
         return "other"
     ego = scene.ego

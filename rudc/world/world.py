@@ -335,10 +335,10 @@ class World:
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
         """The collision, judged in the scene after the contact, or in the one before if the other is gone."""
-        scene = scene if hit in scene.ids else before
+        scene, sudden = scene if hit in scene.ids else before, self.stage.is_sudden(hit)
         index, held = scene.ids.index(hit), hit in self._for_ego and self._sumo.stood(hit) < IN_SIGHT_S
-        fault = judge(scene, index, hit in self.stage.unlawful, held, hit in self.stage.sudden)
-        return Collision(hit, Kind(scene.kind[index]), fault, hit in self.stage.sudden)
+        fault = judge(scene, index, hit in self.stage.unlawful, held, sudden)
+        return Collision(hit, Kind(scene.kind[index]), fault, sudden)
 
     # ---- after the sub-steps
 

@@ -199,8 +199,8 @@ def test_whom_the_ego_hit_and_whose_fault_it_was_is_said():
     settings = {"events": [near], "traffic.density": 0, "ego.distance": 30, "ego.speed": 12}
     driven = drive_and_count(load_scenario("random_destination", settings), range(3))
     hit = driven.seeds["collision"]
-    assert driven.hits == dict.fromkeys(hit, ("bicycle", "other", False, "event 1"))
-    said = "; ".join(f"{seed}: bicycle of event 1, fault other" for seed in hit)
+    assert driven.hits == dict.fromkeys(hit, ("bicycle", "other", True, "event 1"))
+    said = "; ".join(f"{seed}: bicycle of event 1, fault other (put too near to stop)" for seed in hit)
     assert f"{len(hit)} collision (seed{'s' * (len(hit) > 1)} {said})" in driven.ends
 
 

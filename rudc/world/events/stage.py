@@ -28,6 +28,7 @@ from rudc.world.events.places import (
     size_of,
 )
 from rudc.world.events.selection import pick
+from rudc.world.events.sudden import AHEAD_S, LOOK_M, way_to_stop, would_meet, would_touch
 from rudc.world.passing import needed
 from rudc.world.props import BRAKING, LATE_S, Prop, gaps_to_ways, standing, stopping_way
 from rudc.world.scene import Kind, Scene
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
 
 BLOCK = "block"
 """beginning of the names of stand-ins: vehicles that SUMO has in place of things that block a lane"""
-LOOK_M = 0.5
-"""m between the places ahead at which it is tested whether the ego would touch a thing"""
 JOINED_M = 0.5
 """m, largest gap between pieces of one event that close a lane together"""
 OUTLINE_M = 0.05
@@ -71,8 +70,9 @@ class WorldStage(NetworkStage):
     """the scene as it really is; None before there is traffic"""
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
-    sudden: set[str] = field(default_factory=set)
-    """names of things put so near before the ego that it could not stop; empty again once the ego has stood
+    sudden: dict[str, float] = field(default_factory=dict)
+    """name of what was put or sent so near before the ego that the ego could only meet it -> s up to which
+    this counts; empty again once the ego has stood
     """
     no_room: bool = False
     """whether an event has found no room on the road since this was last set to False"""
@@ -203,7 +203,7 @@ class WorldStage(NetworkStage):
         if for_now:
             self._for_now.add(name)
         if self.scene is not None and self._too_near(place, (length, width)):
-            self.sudden.add(name)
+            self.sudden[name] = math.inf
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for lane in self.network.lanes.values():
             span = None if lane.internal else obstructed(lane, corners, needed(lane, self.traffic))
@@ -264,36 +264,27 @@ class WorldStage(NetworkStage):
         self._stand_ins.setdefault(name.partition(":")[0], []).append(stand_in)
         self._closed[key] = stand_in, start, end
 
+    def is_sudden(self, name: str) -> bool:
+        """Whether an event has put or sent that so near before the ego that the ego could only meet it."""
+        return self.sudden.get(name, -math.inf) >= self.time_s
+
     def _too_near(self, place: XYHeading, size: Size) -> bool:
         """Whether the ego, straight on or on its path, would touch what is put there even with its hardest
         braking, as road and car are now.
         """
         assert self.scene is not None
-        ego, car = self.scene.ego, self.scene.network.vehicle
-        at, way = (np.array([place[:2]]), np.array([place[2]]), np.array([size])), self._stopping(ego.v)
-        for ahead in np.append(np.arange(0.0, way, LOOK_M), way).tolist():
-            straight = ego.x + ahead * math.cos(ego.psi), ego.y + ahead * math.sin(ego.psi), ego.psi
-            on_path = self.scene.route.path.pose(self.scene.ego_s + ahead)
-            for x, y, psi in (straight, on_path):
-                if rectangle_gaps(float(x), float(y), float(psi), car.length, car.width, *at)[0] <= 0.0:
-                    return True
-        return False
+        return would_touch(self.scene, self._stopping(self.scene.ego.v), place, size)
 
     def _stopping(self, v: float) -> float:
         """m that the ego needs to stop from v m/s, with the least grip that it would have meanwhile."""
         assert self.scene is not None
-        grip = grip_of(self.plant.actuation)
-        way = self._stopping_at(v, grip)
+        grip, car = grip_of(self.plant.actuation), -self.network.vehicle.a_min
+        way = way_to_stop(v, min(car, grip), self.plant.actuation)
         if not self.patches:
             return way
         x, y, _ = self.scene.route.path.pose(self.scene.ego_s + np.arange(0.0, way + LOOK_M, LOOK_M))
-        return self._stopping_at(v, min(grip, self.patches.least(np.column_stack([x, y])) * GRAVITY))
-
-    def _stopping_at(self, v: float, grip: float) -> float:
-        """m that the ego needs to stop from v m/s where the road gives `grip` m/s2."""
-        now, braking = self.plant.actuation, min(-self.network.vehicle.a_min, grip)
-        late = max(v * now.lag_s - 0.5 * braking * now.lag_s**2, 0.0)  # exact unless it stops within the lag
-        return v * now.delay_s + late + v * v / (2.0 * braking)
+        grip = min(grip, self.patches.least(np.column_stack([x, y])) * GRAVITY)
+        return way_to_stop(v, min(car, grip), self.plant.actuation)
 
     def send(
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0,
@@ -305,6 +296,9 @@ class WorldStage(NetworkStage):
         prop = self._prop(name, body, way, speed, size, late_m)
         prop.beyond_m, prop.may_back_out, prop.halt = beyond_m, behind is not None, halt
         self.props.append(prop)
+        braking = min(-self.network.vehicle.a_min, grip_of(self.plant.actuation))
+        if self.scene is not None and would_meet(self.scene, braking, self.plant.actuation, prop):
+            self.sudden[name] = self.time_s + AHEAD_S
 
     def has_room(
         self, body: Body, way: Array, speed: float, late_m: float = 0.0, size: Size | None = None
