@@ -108,7 +108,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
         return "equal" if alike else "major" if arm.major else "minor"
 
     arms = [
-        [a.name, f"{a.bearing_deg:.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
+        [a.name, f"{a.bearing_deg:z.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
          f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", priority(a)]
         for a in report.arms
     ]  # fmt: skip

@@ -168,7 +168,7 @@ def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path.write_text(OVERLAP, encoding="utf-8")
     firings, seeds, wrong, *_ = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
-    assert all("seed " in text and "would stand in the same place" in text for text in wrong)
+    assert all("seed " in text and "would overlap or touch" in text for text in wrong)
     assert firings[0].episodes == len([*chain(*seeds.values())]) == 6 - len(wrong)
     brief = tmp_path / "brief.yaml"
     brief.write_text("name: brief\nextends: sudden_brake\nepisode: {timeout: 3}\n", encoding="utf-8")

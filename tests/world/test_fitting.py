@@ -327,4 +327,4 @@ def test_places_that_are_drawn_are_looked_at_when_the_episode_is_set_up(problems
     assert problems(text) == []
     (said,) = try_out(load_scenario(tmp_path / "s.yaml"))
     assert "stalled_vehicle0:0 and accident1:0 (kind, number in `events`, and the thing's" in said
-    assert "would stand in the same place, at (-2" in said
+    assert "would overlap or touch, at (-2" in said

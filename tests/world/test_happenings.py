@@ -128,7 +128,7 @@ def test_what_stands_in_a_place_for_good_is_an_error_to_who_places_something_the
     first = event("accident", vehicles=[place])
     second = event("stalled_vehicle", **place, duration=3.0, when=LATER)
     world.reset(replace(CALM, density=0.0, origin="south", turn="right", events=(first, second)).plan(0))
-    with pytest.raises(SimulationError, match="would stand in the same place"):
+    with pytest.raises(SimulationError, match="would overlap or touch"):
         [world.advance(STAND) for _ in range(15)]
 
 

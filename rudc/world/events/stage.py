@@ -197,7 +197,7 @@ class WorldStage(NetworkStage):
         for other in overlapped(new, [_as_standing(prop) for prop in self.props if not prop.moves]):
             raise SimulationError(
                 f"{other.name} and {name} (kind, number in `events`, and the thing's, all from 0) would "
-                f"stand in the same place, {said(self.network, place)}; move one of them"
+                f"overlap or touch, {said(self.network, place)}; move one of them"
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
         if for_now:
