@@ -15,6 +15,7 @@ from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores, parse_ov
 from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
 from rudc.evaluation.limits import EPISODE_LIMIT_S
+from rudc.hints import listed
 
 if TYPE_CHECKING:
     from rudc.evaluation.record import EpisodeRecord
@@ -142,6 +143,7 @@ def sweep(
     """
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.sweep import run_sweep
+    from rudc.scenario import shipped_scenarios
 
     if verify is not None:
         given = {
@@ -161,12 +163,17 @@ def sweep(
         return
     if share is not None:
         raise InputError("--share says how much of a sweep --verify DIR runs again; there is no --verify")
-    values = parse_overrides(overrides)
-    plan = None
-    if resume and out is not None and not (shipped or (scenarios and agents)):
-        plan = _grown_plan(out, scenarios or [], agents or [], episodes, seed, values)
-    if plan is None:
-        plan = _plan(scenarios or [], agents or [], shipped, episodes or 100, seed or 0, values)
+    values, named, drivers = parse_overrides(overrides), scenarios or [], agents or []
+    if shipped:
+        named, drivers = [*shipped_scenarios(), *named], drivers or list(SHIPPED_AGENTS)
+    if resume and out is not None and (out / "manifest.json").exists():
+        plan = _grown_plan(out, named, drivers, episodes, seed, values)
+    elif resume and out is not None and not (named or drivers or values):
+        raise InputError(
+            f"which scenarios? {out} holds no sweep to go on with; give names, files or patterns"
+        )
+    else:
+        plan = _plan(named, drivers, episodes or 100, seed or 0, values)
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     progress = _Reported(sweep_progress(), out) if report else sweep_progress()
@@ -216,17 +223,12 @@ class _Reported:
 def _plan(
     scenarios: list[str],
     agents: list[str],
-    shipped: bool,
     episodes: int,
     seed: int,
     overrides: dict[str, object],
 ) -> SweepPlan:
     from rudc.evaluation.tasks import SweepPlan
-    from rudc.scenario import shipped_scenarios
 
-    if shipped:
-        scenarios = [*shipped_scenarios(), *scenarios]
-        agents = agents or list(SHIPPED_AGENTS)
     if not scenarios:
         raise InputError(
             "which scenarios? give names, files or patterns, or --shipped; see `rudc scenario list`"
@@ -275,17 +277,10 @@ def _grown_plan(
     episodes: int | None,
     seed: int | None,
     overrides: dict[str, object],
-) -> SweepPlan | None:
-    """The plan of the sweep in a folder, with what is given besides; None if something is given, and the
-    folder holds no sweep."""
+) -> SweepPlan:
+    """The plan of the sweep in a folder, with what is given besides."""
     from rudc.evaluation.kept import kept_plan, with_more
 
-    if not (folder / "manifest.json").exists():
-        if scenarios or agents or overrides:
-            return None
-        raise InputError(
-            f"which scenarios? {folder} holds no sweep to go on with; give names, files or patterns"
-        )
     if overrides and not scenarios:
         raise InputError(
             f"--set changes the scenarios of a command, not those of {folder}: name scenarios, or drop it"
@@ -296,7 +291,7 @@ def _grown_plan(
     new = [s.name for s in plan.scenarios if s.name not in {old.name for old in kept.scenarios}]
     new += [agent for agent in plan.agents if agent not in kept.agents]
     if new:
-        note(f"{', '.join(new)}: added to the sweep in {folder}")
+        note(f"adding {listed(new)} to the sweep in {folder}")
     return plan
 
 

@@ -126,7 +126,7 @@ class Hit(NamedTuple):
 
     def __str__(self) -> str:
         of = f" of {self.event}" if self.event else ""
-        return f"{self.hit}{of}, fault {self.fault}{' (put too near to stop)' * self.sudden}"
+        return f"{self.hit}{of}, fault {self.fault}{' (put or sent too near to avoid)' * self.sudden}"
 
 
 class Astray(NamedTuple):

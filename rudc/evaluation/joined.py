@@ -28,14 +28,14 @@ def joined_rows(folders: Sequence[Path], by: Sequence[str], warnings: list[str])
     episode; and where `scenario` is, a scenario must be the same in all folders that have it: SweepError says
     which is not. `warnings` gets what else differs: agents and versions.
     """
-    if len(folders) == 1:
+    together = FOLDER not in by
+    if len(folders) == 1 and together:
         return sweep_rows(folders[0])
-    names = [str(folder) for folder in folders]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise SweepError(f"{twice[0]} is given more than once")
+    names, places = [str(folder) for folder in folders], [folder.resolve() for folder in folders]
+    if twice := [name for name, place in zip(names, places, strict=True) if places.count(place) > 1]:
+        raise SweepError(f"{twice[-1]} is given more than once")
     contents = {name: read_manifest(folder) for name, folder in zip(names, folders, strict=True)}
     scenarios = {name: _scenarios(content) for name, content in contents.items()}
-    together = FOLDER not in by
     if together:
         if "scenario" in by and (text := _unlike("scenario", scenarios)):
             raise SweepError(f"{text}; --by {FOLDER},... keeps their rows apart")

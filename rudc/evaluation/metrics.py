@@ -116,7 +116,7 @@ class Tally:
 def _possible(metric: Metric, value: Summary) -> Summary:
     """The summary, with its interval cut to what is possible: to 0 to 100 of a percentage, to 0 and more of a
     distance, a speed or a time."""
-    if metric.unit not in ("%", "m", "m/s", "ms") or math.isnan(value.low):
+    if metric.unit not in ("%", "m", "m/s", "s", "ms") or math.isnan(value.low):
         return value
     return value._replace(
         low=max(value.low, 0.0), high=min(value.high, 100.0 if metric.unit == "%" else math.inf)

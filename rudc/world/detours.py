@@ -35,7 +35,7 @@ from rudc.world.passing import Passing
 if TYPE_CHECKING:
     from rudc.network.network import Movement, Network
     from rudc.network.road import Lane
-    from rudc.world.props import Prop
+    from rudc.world.events import WorldStage
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
     from rudc.world.traffic import Traffic
@@ -72,16 +72,16 @@ class Detours:
         return bool(self._seen)
 
     def move_aside(
-        self, scene: Scene, props: list[Prop], decision_s: float, ego: tuple[int, float] | None = None
+        self, scene: Scene, stage: WorldStage, decision_s: float, ego: tuple[int, float] | None = None
     ) -> None:
         """Let SVs pass what leaves them room in their lanes; see `Passing.step`."""
-        self._passing.look(props)
+        self._passing.look(stage.props, stage.obstructed.passable)
         self._passing.step(scene, decision_s, ego)
 
-    def step(self, scene: Scene, props: list[Prop]) -> dict[str, tuple[float, float]]:
+    def step(self, scene: Scene, stage: WorldStage) -> dict[str, tuple[float, float]]:
         """Redirect SVs. Returns those that have to wait: name -> (speed in m/s, deceleration in m/s2)."""
         self.redirected = False
-        self._passing.look(props)
+        self._passing.look(stage.props, stage.obstructed.passable)
         if self._passing.standing != self._seen:
             self._seen = self._passing.standing
             self._begins, self._end = self._blocks()

@@ -1,17 +1,17 @@
-"""Surrounding vehicles (SVs) pass what stands beside the middle of their lane, if it leaves them room there.
+"""Surrounding vehicles (SVs) pass what stands at the edge of their lane, if it leaves them room there.
 
-SUMO moves each vehicle along the middle of its lane. Where something stands there for good and the lane
-beside it is as wide as the widest SV of the scenario and `BESIDE_M` more, an SV moves aside within its lane:
-SIDEWAYS m for each m of its way, early enough for the yielding layer, which looks 2 s ahead, not to brake it.
-Inside a node lanes lie one over the other, so SVs stay in their middle there.
-
-Where that room is not left, a row of `network.paths` is blocked (rudc/world/detours.py says what SVs do
-then), and the lane is closed for SUMO (`needed`, rudc/world/events/stage.py). In bends, long vehicles cut
-across.
+SUMO moves each vehicle along the middle of its lane. Where something stands there for good, and the lane
+beside it is wide enough for the widest SV of the scenario, an SV moves aside within its lane: SIDEWAYS m for
+each m of its way, early enough for the yielding layer, which looks 2 s ahead, not to brake it, and as if it
+crept if it stands. SUMO knows nothing of such a thing (`Obstructed.passable`). So all this is for roads of
+one lane, away from nodes, from where vehicles enter, and from other things. Any other thing closes its lane
+for SUMO (rudc/world/events/stage.py), and blocks a row of `network.paths` where its middle is not free
+(rudc/world/detours.py says what SVs do then). In bends, long vehicles cut across.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import gaps_between
 from rudc.network.paths import SPACING
+from rudc.world.entering import obstructed
 from rudc.world.scene import Kind
 from rudc.world.traffic import BESIDE_M
 from rudc.world.vehicle_types import EGO
@@ -43,15 +44,56 @@ SIDEWAYS = 0.15
 """m that an SV moves aside for each m of its way"""
 SHIFT_M = 8.0
 """m of its way in which an SV moves aside, and a little more"""
+ENTRY_M, END_M, APART_M = 25.0, 12.0, 20.0
+"""m that a thing that is passed is away from where SVs enter, from a lane's other ends, and from others"""
+ON_ROW_M = 1.5
+"""m beside a row from which on an SV is on another lane"""
+CREEP = 1.0
+"""m/s; SVs that are slower move aside as fast as if they drove so"""
 SHARES = (0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0)
 """of the room that its lane gives an SV beside its middle, to the left or, negative, to the right: those that
 are tried, the least first"""
 
 
-def needed(lane: Lane, traffic: Traffic) -> float:
-    """m to a side of a lane's middle that must be free so that every SV can pass; negative where the lane is
-    so wide that they can pass even what stands on its middle."""
-    return traffic.needs_m - (0.0 if lane.internal else max(_room(lane.width, traffic) - SPARE, 0.0))
+class Obstructed:
+    """Which lanes things obstruct, in one episode, and which of these things SVs pass."""
+
+    def __init__(self, network: Network, traffic: Traffic) -> None:
+        self._network, self._traffic = network, traffic
+        self._spans: dict[str, dict[str, tuple[float, float]]] = {}
+        """lane -> name -> from where to where (m) a thing obstructs it"""
+        self.passable: set[str] = set()
+        """names of things that SVs pass within their lanes"""
+
+    def add(self, name: str, corners: Array) -> list[tuple[Lane, float, float]]:
+        """The lanes outside nodes that a thing with these corners (4, 2) m obstructs, from where to where
+        (m)."""
+        lanes = [lane for lane in self._network.lanes.values() if not lane.internal]
+        spans = [(lane, obstructed(lane, corners, self._traffic.needs_m)) for lane in lanes]
+        found = [(lane, *span) for lane, span in spans if span is not None]
+        if found and all(self._leaves_room(lane, corners, start, end) for lane, start, end in found):
+            self.passable.add(name)
+        for lane, start, end in found:
+            self._spans.setdefault(lane.id, {})[name] = start, end
+        return found
+
+    def remove(self, names: Collection[str]) -> None:
+        """Things that have gone."""
+        self.passable.difference_update(names)
+        for there in self._spans.values():
+            for name in there.keys() & set(names):
+                del there[name]
+
+    def _leaves_room(self, lane: Lane, corners: Array, start: float, end: float) -> bool:
+        """Whether all SVs can pass a rectangle that obstructs a lane from `start` to `end` m."""
+        room = self._traffic.needs_m - max(_room(lane.width, self._traffic) - SPARE, 0.0)
+        alone = sum(other.edge == lane.edge for other in self._network.lanes.values()) == 1
+        enters = any(lane is entry for entry in self._traffic.entries)
+        apart = all(
+            start - b > APART_M or a - end > APART_M for a, b in self._spans.get(lane.id, {}).values()
+        )
+        clear = start > (ENTRY_M if enters else END_M) and end < lane.length - END_M
+        return alone and apart and clear and obstructed(lane, corners, room) is None
 
 
 def _room(lane: float, traffic: Traffic) -> float:
@@ -71,15 +113,17 @@ class Passing:
         """name -> m that an SV is to the left of its lane's middle; only of those who are not on it"""
         self.standing: tuple[tuple[str, float, float], ...] = ()
         """name and place (m) of each thing that stands on the road"""
-        self._find([])
+        self._find([], ())
 
-    def look(self, props: list[Prop]) -> None:
-        """Find out what stands on the road now, and where SVs have room beside it."""
+    def look(self, props: list[Prop], passable: Collection[str]) -> None:
+        """Find out what stands on the road now, and where SVs have room beside it: beside things of the names
+        `passable` within their lane.
+        """
         standing = [prop for prop in props if not prop.moves and prop.kind != Kind.PEDESTRIAN]
         key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
         if key != self.standing:
             self.standing = key
-            self._find(standing)
+            self._find(standing, passable)
 
     def classes(self, lengths: Array) -> Index:
         """(N,) which of `lengths` stands for vehicles with these lengths (N,) m."""
@@ -94,18 +138,26 @@ class Passing:
         rows = np.flatnonzero(scene.path >= 0)
         names = [scene.ids[i] for i in rows.tolist()]
         path, s, lengths = scene.path[rows], scene.path_s[rows], scene.size[rows, 0]
-        speed = np.hypot(scene.velocity[rows, 0], scene.velocity[rows, 1])
+        speed, position = np.hypot(scene.velocity[rows, 0], scene.velocity[rows, 1]), scene.position[rows]
         if ego is not None and ego[0] >= 0:
             names.append(EGO)
             path, s = np.append(path, ego[0]), np.append(s, ego[1])
             lengths, speed = np.append(lengths, scene.vehicle.length), np.append(speed, scene.ego.v)
+            position = np.vstack([position, (scene.ego.x, scene.ego.y)])
         now = np.array([self._aside.get(name, 0.0) for name in names])
-        most = SIDEWAYS * speed * decision_s
-        after = now + np.clip(self._wanted(path, s, lengths, speed) - now, -most, most)
+        wanted = np.where(self._on_row(path, s, position), self._wanted(path, s, lengths, speed), 0.0)
+        most = SIDEWAYS * np.maximum(speed, CREEP) * decision_s
+        after = now + np.clip(wanted - now, -most, most)
         for name, before, aside in zip(names, now.tolist(), after.tolist(), strict=True):
             if before or aside:
                 self._sumo.shift(name, aside)
         self._aside = {name: aside for name, aside in zip(names, after.tolist(), strict=True) if aside}
+
+    def _on_row(self, path: Index, s: Array, position: Array) -> Flags:
+        """(N,) whether those at `position` (N, 2) m are on the lanes of their rows, not on lanes beside."""
+        x, y, heading = self._network.paths.pose(path, s)
+        left = (position[:, 1] - y) * np.cos(heading) - (position[:, 0] - x) * np.sin(heading)
+        return np.abs(left) < ON_ROW_M
 
     def _wanted(self, path: Index, s: Array, lengths: Array, speed: Array) -> Array:
         """(N,) m to the left of their lane's middle where SVs should be, whose middles are at `s` m on rows
@@ -117,13 +169,10 @@ class Passing:
         last = ((s + HORIZON_S * speed + SHIFT_M) / SPACING).astype(int)
         for i in (self._next[classes, path, first] <= last).nonzero()[0].tolist():
             sought = self._sought[classes[i], path[i], first[i] : last[i] + 1]
-            sought = sought[sought != 0.0]
-            other_side = np.flatnonzero(sought * sought[0] < 0.0)
-            sought = sought[: other_side[0]] if len(other_side) else sought
             wanted[i] = sought[np.abs(sought).argmax()]
         return wanted
 
-    def _find(self, standing: list[Prop]) -> None:
+    def _find(self, standing: list[Prop], passable: Collection[str]) -> None:
         paths = self._network.paths
         shape = len(self.lengths), *paths.xy.shape[:2]
         self.blocked: Flags = np.zeros(shape, dtype=np.bool_)
@@ -131,13 +180,13 @@ class Passing:
         self._sought: Array = np.zeros(shape)
         """(C, P, M) m to the left of its lane's middle where such an SV has room"""
         for c, length in enumerate(self.lengths.tolist() if standing else ()):
-            self.blocked[c], self._sought[c] = self._beside(standing, length)
+            self.blocked[c], self._sought[c] = self._beside(standing, passable, length)
         self._any_sought = bool(self._sought.any())
         beyond = np.where(self._sought != 0.0, np.arange(shape[2]), 2 * shape[2])
         self._next: Index = np.minimum.accumulate(beyond[..., ::-1], axis=2)[..., ::-1]
         """(C, P, M) the next station where an SV must be aside; 2 M where there is none"""
 
-    def _beside(self, standing: list[Prop], length: float) -> tuple[Flags, Array]:
+    def _beside(self, standing: list[Prop], passable: Collection[str], length: float) -> tuple[Flags, Array]:
         """(P, M) where an SV of that length (m) has no room on each row, and how far aside it has some."""
         paths, room = self._network.paths, self._rooms()
         body = np.array([length, 2.0 * (self._traffic.needs_m - TOUCH)])
@@ -158,7 +207,8 @@ class Passing:
                 gaps = gaps_between(
                     position + share * left, heading, body, np.tile([x, y], (n, 1)), np.full(n, psi), size
                 )
-                hits[k, row, station] |= gaps < (TOUCH + SPARE if share else TOUCH)
+                near = gaps < (TOUCH + SPARE if share else TOUCH)
+                hits[k, row, station] |= near if prop.name in passable else hits[0, row, station] | near
         first = hits.argmin(axis=0)
         blocked: Flags = np.logical_and.reduce(hits)
         return blocked, np.where(blocked, 0.0, np.array(SHARES)[first] * room)

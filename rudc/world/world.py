@@ -160,7 +160,7 @@ class World:
         began = self._script.step(scene)
         layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
         every = max(1, round(layer_s / self.config.decision_s))
-        self._detours.move_aside(scene, self.stage.props, self.config.decision_s, self._sumo_ego())
+        self._detours.move_aside(scene, self.stage, self.config.decision_s, self._sumo_ego())
         if self._decisions % every == 0 or self._brakes.are_over:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene, self.stage.props)
@@ -244,7 +244,7 @@ class World:
                 self._refill()
             if self.stage.props:  # only these need a scene before the ego enters
                 scene = self._look()
-                self._detours.move_aside(scene, self.stage.props, self.config.decision_s)
+                self._detours.move_aside(scene, self.stage, self.config.decision_s)
                 self._brake(scene, self.config.decision_s)
                 for prop in self.stage.props:
                     prop.look_out(scene)
@@ -385,7 +385,7 @@ class World:
             for row, deceleration in zip(must.rows, must.deceleration, strict=True)
         }
         if self.stage.props or self._detours.round_something:
-            for name, (speed, needed) in self._detours.step(scene, self.stage.props).items():
+            for name, (speed, needed) in self._detours.step(scene, self.stage).items():
                 wanted[name] = speed, max(min(needed, most), wanted.get(name, (0.0, 0.0))[1])
             if self._detours.redirected:
                 self._reader.relocate()

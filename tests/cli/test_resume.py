@@ -97,7 +97,7 @@ def test_agents_and_scenarios_are_added(rudc, tmp_path):
     given = ("random_destination", "--agent", "follower", *SHORT, "--episodes", "1")
     assert rudc("sweep", *given, "--out", "swept").status == 0
     added = rudc("sweep", "--agent", "sumo", "--resume", "--workers", "1", "--out", "swept")
-    assert (added.status, "sumo: added to the sweep in swept" in added.err) == (0, True)
+    assert (added.status, "adding sumo to the sweep in swept" in added.err) == (0, True)
     more = ("dense_left_turn", "--set", "episode.timeout=0.6", "--workers", "1", "--resume", "--out", "swept")
     assert rudc("sweep", *more).status == 0
     rows = (tmp_path / "swept" / "episodes.csv").read_text().splitlines()[1:]
@@ -106,6 +106,9 @@ def test_agents_and_scenarios_are_added(rudc, tmp_path):
         for scenario in ("random_destination", "dense_left_turn")
         for agent in ("follower", "sumo")
     ]
+    both = ("crossing_cyclists", "--agent", "planner", "--set", "episode.timeout=0.6", "--workers", "1")
+    assert rudc("sweep", *both, "--resume", "--out", "swept").status == 0  # one episode of each, as before
+    assert len((tmp_path / "swept" / "episodes.csv").read_text().splitlines()) == 1 + 9
     alone = rudc(*ALONE, "swept", "--set", "traffic.density=3")
     assert (alone.status, "not those of swept: name scenarios" in alone.err) == (2, True)
     wrong = rudc(*ALONE, "swept", "--agent", "plannr")

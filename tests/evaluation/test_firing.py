@@ -200,7 +200,9 @@ def test_whom_the_ego_hit_and_whose_fault_it_was_is_said():
     driven = drive_and_count(load_scenario("random_destination", settings), range(3))
     hit = driven.seeds["collision"]
     assert driven.hits == dict.fromkeys(hit, ("bicycle", "other", True, "event 1"))
-    said = "; ".join(f"{seed}: bicycle of event 1, fault other (put too near to stop)" for seed in hit)
+    said = "; ".join(
+        f"{seed}: bicycle of event 1, fault other (put or sent too near to avoid)" for seed in hit
+    )
     assert f"{len(hit)} collision (seed{'s' * (len(hit) > 1)} {said})" in driven.ends
 
 
@@ -224,7 +226,7 @@ def test_what_an_event_put_too_near_to_stop_is_said():
     settings = {"events": [lorry], "traffic.density": 0, "ego.distance": 30, "ego.speed": 12}
     driven = drive_and_count(load_scenario("random_destination", settings), range(1))
     assert driven.hits == {0: ("truck", "other", True, "lorry")}
-    assert "1 collision (seed 0: truck of lorry, fault other (put too near to stop))" in driven.ends
+    assert "1 collision (seed 0: truck of lorry, fault other (put or sent too near to avoid))" in driven.ends
 
 
 def test_how_episodes_end_is_said():

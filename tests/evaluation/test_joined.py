@@ -105,3 +105,6 @@ def test_rows_that_were_driven_elsewhere_are_refused(fakes, make_plan, tmp_path,
 def test_one_folder_is_read_as_it_is(fakes, make_plan, tmp_path):
     run_sweep(make_plan(), tmp_path, fakes.Runner)
     assert joined_rows([tmp_path], BY, []).names == sweep_rows(tmp_path).names
+    assert table(tmp_path, by=("folder", "agent")).count(f"{tmp_path},") == 2
+    with pytest.raises(SweepError, match="given more than once"):
+        table(tmp_path, tmp_path / "." / ".." / tmp_path.name, by=("folder", "agent"))

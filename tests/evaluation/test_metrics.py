@@ -103,6 +103,9 @@ def test_any_column_with_a_mean_is_a_metric():
     gaps, rewards = [row(min_dtc_m=0.1), row(min_dtc_m=1.4)], [row(episode_reward=-5), row(episode_reward=3)]
     assert group_metrics(gaps, (), [METRICS[6]])[0].metrics["min_DTC"].low == 0.0  # no gap is smaller
     assert group_metrics(rewards, (), [METRICS[4]])[0].metrics["AER"].low < -5.0
+    short, times = metric_of("duration_s"), [row(duration_s=0.5), row(duration_s=9.0), row(duration_s=1.0)]
+    assert short is not None
+    assert group_metrics(times, (), [short])[0].metrics[short.name].low == 0.0
     assert metric_of("agent") is None
     assert metric_of("nothing") is None
 

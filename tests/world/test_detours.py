@@ -216,7 +216,7 @@ def test_nobody_waits_before_the_line_for_a_lane_that_begins_behind_it(world_on,
     assert not waiting
 
 
-@pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 0.27), ({"car": 0.9, "bus": 0.1}, 0.97)])
+@pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 1.1), ({"car": 0.9, "bus": 0.1}, 1.45)])
 @pytest.mark.parametrize("beside", [-0.2, -0.05, 0.05, 0.2])
 def test_a_lane_is_closed_exactly_where_its_way_counts_as_blocked(world, mix, closes, beside):
     """SUMO's stand-in closed a lane up to 1.35 m beside its centre line, its way was blocked up to 1.05 m."""
@@ -226,6 +226,20 @@ def test_a_lane_is_closed_exactly_where_its_way_counts_as_blocked(world, mix, cl
     world.advance(np.array([-6.0, 0.0]))
     (row,) = world.network.movement("west", "south").rows
     assert bool(world.stage._stand_ins) == (beside < 0.0)
+    assert (np.isfinite(world._detours._end[:, row]) == (beside < 0.0)).all()
+
+
+@pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 0.27), ({"car": 0.9, "bus": 0.1}, 0.97)])
+@pytest.mark.parametrize("beside", [-0.2, -0.05, 0.05, 0.2])
+def test_a_road_of_one_lane_is_closed_exactly_where_nobody_has_room_within_it(world_on, mix, closes, beside):
+    aside = closes + beside
+    parked = event("accident", vehicles=[{"lane": "west_in_0", "at": 40, "lateral": -(aside + 0.9)}])
+    world = world_on("roundabout")
+    world.reset(PlanSource("roundabout", 20.0, "south", mix=mix, events=(parked,)).plan(0))
+    world.advance(np.array([-6.0, 0.0]))
+    (row,) = world.network.movement("west", "south").rows
+    assert bool(world.stage._stand_ins) == (beside < 0.0)
+    assert bool(world.stage.obstructed.passable) == (beside > 0.0)
     assert (np.isfinite(world._detours._end[:, row]) == (beside < 0.0)).all()
 
 

@@ -199,7 +199,7 @@ def test_sudden_is_all_up_to_where_the_ego_stops(world):
     stage, ego = world.stage, world.scene().ego
     stage.scene = world.scene()
     for nearer in (0.01, -0.01):
-        away = 0.5 * world.vehicle.length + stage._stopping(ego.v) - nearer + 1.0
+        away = 0.5 * world.vehicle.length + ego.v**2 / (2.0 * stage._braking()) - nearer + 1.0
         x, y = ego.x + away * math.cos(ego.psi), ego.y + away * math.sin(ego.psi)
         assert stage._too_near((x, y, ego.psi), (2.0, 2.0)) is (nearer > 0.0)
 

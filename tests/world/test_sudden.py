@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rudc.scenario.events.stage import Halt
 from rudc.vehicle import Actuation
 from rudc.world.events.sudden import would_meet
 from rudc.world.props import Prop
@@ -42,6 +43,46 @@ def test_on_ice_and_with_a_late_car_more_cannot_be_avoided(make_scene):
     assert not would_meet(scene, BRAKING, Actuation(), man)
     assert would_meet(scene, 1.5, Actuation(), man)
     assert would_meet(scene, BRAKING, Actuation(delay_s=0.5, lag_s=0.3), man)
+
+
+def test_whoever_comes_up_to_an_ego_that_stands_by_then_can_be_avoided(make_scene):
+    """He who drives on the wrong side stops before it; sent from 30 m away he was always to blame."""
+    scene = make_scene(v=8.0, front=-40.0)
+    x, y, psi = (float(v) for v in scene.route.path.pose(scene.ego_s + 30.0))
+    along = np.array([np.cos(psi), np.sin(psi)])
+    way = np.array([[x, y], np.array([x, y]) - 40.0 * along])
+    driver = Prop("driver", Kind.CAR, (5.0, 1.8), way, wanted=8.0)
+    assert not would_meet(scene, BRAKING, Actuation(), driver)
+    driver.travelled = 17.0
+    assert would_meet(scene, BRAKING, Actuation(), driver)
+
+
+def test_a_halt_on_the_way_counts(make_scene):
+    scene = make_scene(v=7.2, front=-20.0)
+    man = walker(scene, 5.0, 2.5)
+    man.halt = Halt(1.0, 3.0)
+    assert not would_meet(scene, BRAKING, Actuation(), man)  # he stops beside its way
+    man.halt = Halt(2.0, 3.0)
+    assert would_meet(scene, BRAKING, Actuation(), man)
+
+
+def test_the_ice_ahead_counts(world):
+    runs = event(
+        "pedestrian_crossing",
+        arm="south",
+        at=9.0,
+        speed=2.0,
+        when={"ego_distance_to_junction": {"below": 22}},
+    )
+    ice = event("slippery_patch", lane="south_in_0", at=2.0, length=19.0, friction=0.08)
+    for events, sudden in (((runs,), False), ((ice, runs), True)):
+        plan = PlanSource(
+            origin="south", turn="straight", density=0.0, speed=(8.0, 8.0), events=events, warm_up_s=0.1
+        )
+        world.reset(plan.plan(0))
+        while not any(name.startswith("pedestrian") for name in world.scene().ids):
+            world.advance(np.array([0.0, 0.0]))
+        assert bool(world.stage.sudden) == sudden
 
 
 @pytest.mark.parametrize(("at", "speed", "fault"), [(17.0, 3.0, "other"), (9.0, 2.0, "ego")])

@@ -15,7 +15,6 @@ from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length
 from rudc.scenario.events.stage import Body, Halt, Size, XYHeading
 from rudc.world.ego import DRY, GRAVITY, grip_of
-from rudc.world.entering import obstructed
 from rudc.world.events.patches import Patches
 from rudc.world.events.places import (
     ON_THE_ROAD,
@@ -29,7 +28,7 @@ from rudc.world.events.places import (
 )
 from rudc.world.events.selection import pick
 from rudc.world.events.sudden import AHEAD_S, LOOK_M, way_to_stop, would_meet, would_touch
-from rudc.world.passing import needed
+from rudc.world.passing import Obstructed
 from rudc.world.props import BRAKING, LATE_S, Prop, gaps_to_ways, standing, stopping_way
 from rudc.world.scene import Kind, Scene
 
@@ -83,6 +82,8 @@ class WorldStage(NetworkStage):
     """coefficient of friction of the road beside the patches; None if it is dry"""
     taken: dict[int, frozenset[str]] = field(default_factory=dict)
     """number of an event in keys -> names of the vehicles of which it has taken hold"""
+    obstructed: Obstructed = field(init=False)
+    """the lanes that things obstruct"""
     _for_now: set[str] = field(default_factory=set)
     """names of things that stand on the road and will be taken away"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
@@ -98,6 +99,9 @@ class WorldStage(NetworkStage):
     _blocks: int = 0
     _closed: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
     """(event, lane) -> the stand-in put there last, and from where to where (m) it closes the lane"""
+
+    def __post_init__(self) -> None:
+        self.obstructed = Obstructed(self.network, self.traffic)
 
     # ---- time and vehicles
 
@@ -205,10 +209,10 @@ class WorldStage(NetworkStage):
         if self.scene is not None and self._too_near(place, (length, width)):
             self.sudden[name] = math.inf
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
-        for lane in self.network.lanes.values():
-            span = None if lane.internal else obstructed(lane, corners, needed(lane, self.traffic))
-            if span is not None:
-                self._block(name, lane, *span)
+        for lane, start, end in self.obstructed.add(name, corners):
+            self.traffic.reserve(lane.id, start, end)
+            if name not in self.obstructed.passable:
+                self._block(name, lane, start, end)
 
     def is_free(
         self, body: Body, place: XYHeading, size: Size | None = None, *, for_ego: bool = False
@@ -249,9 +253,7 @@ class WorldStage(NetworkStage):
         """Close a lane from start to end m for SUMO's traffic.
 
         A piece just before another of the same event makes that one's stand-in longer, since SUMO would let
-        no vehicle enter so near to it.
-        """
-        self.traffic.reserve(lane.id, start, end)
+        no vehicle enter so near to it."""
         key = name.partition(":")[0], lane.id
         before, first, last = self._closed.get(key, ("", math.inf, math.inf))
         if start < first <= end + JOINED_M:
@@ -270,21 +272,20 @@ class WorldStage(NetworkStage):
 
     def _too_near(self, place: XYHeading, size: Size) -> bool:
         """Whether the ego, straight on or on its path, would touch what is put there even with its hardest
-        braking, as road and car are now.
-        """
+        braking, as road and car are now."""
         assert self.scene is not None
-        return would_touch(self.scene, self._stopping(self.scene.ego.v), place, size)
+        way = way_to_stop(self.scene.ego.v, self._braking(), self.plant.actuation)
+        return would_touch(self.scene, way, place, size)
 
-    def _stopping(self, v: float) -> float:
-        """m that the ego needs to stop from v m/s, with the least grip that it would have meanwhile."""
+    def _braking(self) -> float:
+        """m/s2, with which the ego can brake to a stop, with the least grip that it would have meanwhile."""
         assert self.scene is not None
-        grip, car = grip_of(self.plant.actuation), -self.network.vehicle.a_min
-        way = way_to_stop(v, min(car, grip), self.plant.actuation)
+        braking = min(-self.network.vehicle.a_min, grip_of(self.plant.actuation))
         if not self.patches:
-            return way
+            return braking
+        way = way_to_stop(self.scene.ego.v, braking, self.plant.actuation)
         x, y, _ = self.scene.route.path.pose(self.scene.ego_s + np.arange(0.0, way + LOOK_M, LOOK_M))
-        grip = min(grip, self.patches.least(np.column_stack([x, y])) * GRAVITY)
-        return way_to_stop(v, min(car, grip), self.plant.actuation)
+        return min(braking, self.patches.least(np.column_stack([x, y])) * GRAVITY)
 
     def send(
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0,
@@ -296,8 +297,7 @@ class WorldStage(NetworkStage):
         prop = self._prop(name, body, way, speed, size, late_m)
         prop.beyond_m, prop.may_back_out, prop.halt = beyond_m, behind is not None, halt
         self.props.append(prop)
-        braking = min(-self.network.vehicle.a_min, grip_of(self.plant.actuation))
-        if self.scene is not None and would_meet(self.scene, braking, self.plant.actuation, prop):
+        if self.scene is not None and would_meet(self.scene, self._braking(), self.plant.actuation, prop):
             self.sudden[name] = self.time_s + AHEAD_S
 
     def has_room(
@@ -324,6 +324,7 @@ class WorldStage(NetworkStage):
         gone = self.things_of(event)
         self.props = [prop for prop in self.props if prop.name not in gone]
         self._for_now -= gone
+        self.obstructed.remove(gone)
         for stand_in in self._stand_ins.pop(event, []):
             self.sumo.remove(stand_in)  # on the road, or waiting for room there
 

@@ -47,11 +47,21 @@ def would_meet(scene: Scene, braking: float, actuation: Actuation, prop: Prop) -
     m/s2, with the car's delay and lag, and by driving on as fast as now."""
     t = np.arange(0.0, AHEAD_S, EVERY_S)
     v, braked_s = scene.ego.v, np.maximum(t - actuation.delay_s - actuation.lag_s, 0.0)
-    slower = np.minimum(braked_s, v / braking)
-    brakes = v * (t - braked_s) + v * slower - 0.5 * braking * slower**2
-    x, y, psi = np.array([prop.pose(prop.wanted * s) for s in t.tolist()]).T
+    brakes = v * t - 0.5 * braking * braked_s**2
+    x, y, psi = np.array([prop.pose(_gone(prop, s)) for s in t.tolist()]).T
     place, size = np.stack([x, y], axis=1), np.array([prop.length, prop.width])
-    return all(_meets(scene, way, place, psi, size) for way in (brakes, v * t))
+    moves = max(int((braked_s * braking < v).sum()), 1)  # who comes up to an ego that stands, may stop
+    first = _meets(scene, brakes[:moves], place[:moves], psi[:moves], size)
+    return first and _meets(scene, v * t, place, psi, size)
+
+
+def _gone(prop: Prop, s: float) -> float:
+    """m that a prop goes in s seconds, if it goes on as it does, with the halt on its way."""
+    way, halt = prop.wanted * s, prop.halt
+    if halt is None:
+        return way
+    room = max(halt.after_m - (prop.travelled - prop.appeared_m), 0.0)
+    return way if way < room else max(room, way - prop.wanted * halt.duration_s)
 
 
 def _meets(scene: Scene, way: Array, place: Array, psi: Array, size: Array) -> bool:
