@@ -169,6 +169,9 @@ class Passing:
         last = ((s + HORIZON_S * speed + SHIFT_M) / SPACING).astype(int)
         for i in (self._next[classes, path, first] <= last).nonzero()[0].tolist():
             sought = self._sought[classes[i], path[i], first[i] : last[i] + 1]
+            sought = sought[sought != 0.0]
+            other_side = np.flatnonzero(sought * sought[0] < 0.0)  # of a later thing
+            sought = sought[: other_side[0]] if len(other_side) else sought
             wanted[i] = sought[np.abs(sought).argmax()]
         return wanted
 

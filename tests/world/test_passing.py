@@ -169,3 +169,17 @@ def test_who_passes_a_thing_that_stands_aslant_goes_as_far_aside_as_its_far_end_
     passed, _, _, touched, _ = drive(ring, event("accident", objects=[thing]), mix=mix)
     assert passed >= 2
     assert touched == 0
+
+
+def test_of_two_things_on_two_sides_the_nearer_counts_first(ring):
+    """Who drives fast sees both; the farther one, which asks for more, drew it towards the nearer."""
+    events = (barrel(0.95, at=60.0), barrel(-0.8, at=36.0))
+    ring.reset(PlanSource("roundabout", 5.0, "south", "right", warm_up_s=0.1, events=events).plan(1))
+    ring.advance(STAND)
+    passing, paths = ring._detours._passing, ring.network.paths
+    (row,) = ring.network.movement("west", "east").rows
+    s = np.array([float(paths.stop_s[row]) - 60.0 - 3.0])
+    wanted = passing._wanted(np.array([row]), s, np.array([5.0]), np.array([20.0]))
+    far = passing._wanted(np.array([row]), s + 24.0, np.array([5.0]), np.array([20.0]))
+    assert -0.6 < wanted[0] < 0.0
+    assert far[0] > 0.5
