@@ -58,7 +58,7 @@ def test_whom_the_ego_hit_is_in_it(rudc, tmp_path):
     (tmp_path / "riders.yaml").write_text(RIDERS)
     (found,) = read(rudc("scenario", "validate", "riders.yaml", "--seeds", 2, "--json"))
     (told,) = found["ends"]
-    hit = {"hit": "bicycle", "fault": "other", "sudden": False, "event": "event 1"}
+    hit = {"hit": "bicycle", "fault": "other", "sudden": True, "event": "event 1"}
     assert told["hits"] == {str(seed): hit for seed in told["seeds"]["collision"]} != {}
 
 
