@@ -168,10 +168,10 @@ def sweep(
         named, drivers = [*shipped_scenarios(), *named], drivers or list(SHIPPED_AGENTS)
     if resume and out is not None and (out / "manifest.json").exists():
         plan = _grown_plan(out, named, drivers, episodes, seed, values)
-    elif resume and out is not None and not (named or drivers or values):
-        raise InputError(
-            f"which scenarios? {out} holds no sweep to go on with; give names, files or patterns"
-        )
+    elif resume and out is not None and not (named and drivers):
+        missing = "agents" if named else "scenarios"
+        how = "at least one --agent NAME" if named else "names, files or patterns"
+        raise InputError(f"which {missing}? {out} holds no sweep to go on with; give {how}")
     else:
         plan = _plan(named, drivers, episodes or 100, seed or 0, values)
     if out is None:

@@ -93,6 +93,14 @@ def test_an_agent_of_ones_own_that_is_not_there_is_named_with_where_it_was(rudc,
     assert (lost.status, "relative to the folder in which the sweep was started" in lost.err) == (2, True)
 
 
+def test_to_a_folder_without_a_sweep_nothing_is_added(rudc, tmp_path):
+    for given, missing in ((("--agent", "follower"), "scenarios"), (("jaywalkers",), "agents")):
+        refused = rudc("sweep", *given, "--resume", "--out", "mispelt")
+        assert refused.status == 2
+        assert f"which {missing}? mispelt holds no sweep to go on with; give" in refused.err
+    assert not (tmp_path / "mispelt").exists()
+
+
 def test_agents_and_scenarios_are_added(rudc, tmp_path):
     given = ("random_destination", "--agent", "follower", *SHORT, "--episodes", "1")
     assert rudc("sweep", *given, "--out", "swept").status == 0
