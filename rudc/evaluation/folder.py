@@ -154,7 +154,7 @@ class SweepFolder:
         lacking = missing_columns(header) if header else []
         more = [name for name in header[: len(COLUMNS)] if name not in COLUMNS]
         if old.get("format") == FORMAT and not lacking and not more:
-            return grown(old, new) if "search" not in old["configuration"] else dict(old)
+            return grown(old, new)
         difference = f", without {', '.join(lacking)}" if lacking else ""
         difference += f", with {', '.join(more)}" if more else ""
         raise SweepError(

@@ -78,10 +78,11 @@ class Detours:
         self._passing.look(stage.props, stage.obstructed.passable)
         self._passing.step(scene, decision_s, ego)
 
-    def step(self, scene: Scene, stage: WorldStage) -> dict[str, tuple[float, float]]:
-        """Redirect SVs. Returns those that have to wait: name -> (speed in m/s, deceleration in m/s2)."""
+    def step(self, scene: Scene) -> dict[str, tuple[float, float]]:
+        """Redirect SVs; `move_aside` comes first. Returns those that have to wait: name -> (speed in m/s,
+        deceleration in m/s2).
+        """
         self.redirected = False
-        self._passing.look(stage.props, stage.obstructed.passable)
         if self._passing.standing != self._seen:
             self._seen = self._passing.standing
             self._begins, self._end = self._blocks()

@@ -2,10 +2,10 @@
 
 0. An event put the other where it is, so near that the ego could not stop, or sent it less than 4 s ago into
    the ego's way, so near that the ego could neither stop nor drive past before it: the other's fault.
-1. The other stands (below 0.5 m/s) or is a pedestrian: the ego's fault if the ego moved, or, where it crept
-   (below 0.5 m/s), if it was the faster one; else shared. Where an ego that moves
-   on its reference path hits a car that the yielding layer makes brake or stand for the ego, and that has not
-   stood for IN_SIGHT_S yet, this rule does not apply: rules 3 to 8 decide.
+1. The other stands (below 0.5 m/s) or is a pedestrian: the ego's fault if the ego drove at 0.5 m/s or more,
+   or more slowly but faster than the other; else shared. Where an ego that moves on its reference path hits
+   a car that the yielding layer makes brake or stand for the ego, and that has not stood for IN_SIGHT_S yet,
+   this rule does not apply: rules 3 to 8 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
 3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two

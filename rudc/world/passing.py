@@ -46,8 +46,6 @@ SHIFT_M = 8.0
 """m of its way in which an SV moves aside, and a little more"""
 ENTRY_M, END_M, APART_M = 25.0, 12.0, 20.0
 """m that a thing that is passed is away from where SVs enter, from a lane's other ends, and from others"""
-ON_ROW_M = 1.5
-"""m beside a row from which on an SV is on another lane"""
 CREEP = 1.0
 """m/s; SVs that are slower move aside as fast as if they drove so"""
 SHARES = (0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0)
@@ -87,13 +85,18 @@ class Obstructed:
     def _leaves_room(self, lane: Lane, corners: Array, start: float, end: float) -> bool:
         """Whether all SVs can pass a rectangle that obstructs a lane from `start` to `end` m."""
         room = self._traffic.needs_m - max(_room(lane.width, self._traffic) - SPARE, 0.0)
-        alone = sum(other.edge == lane.edge for other in self._network.lanes.values()) == 1
         enters = any(lane is entry for entry in self._traffic.entries)
         apart = all(
             start - b > APART_M or a - end > APART_M for a, b in self._spans.get(lane.id, {}).values()
         )
         clear = start > (ENTRY_M if enters else END_M) and end < lane.length - END_M
+        alone = _is_alone(self._network, lane)
         return alone and apart and clear and obstructed(lane, corners, room) is None
+
+
+def _is_alone(network: Network, lane: Lane) -> bool:
+    """Whether a lane is the only one of its road in its direction."""
+    return sum(other.edge == lane.edge for other in network.lanes.values()) == 1
 
 
 def _room(lane: float, traffic: Traffic) -> float:
@@ -138,31 +141,23 @@ class Passing:
         rows = np.flatnonzero(scene.path >= 0)
         names = [scene.ids[i] for i in rows.tolist()]
         path, s, lengths = scene.path[rows], scene.path_s[rows], scene.size[rows, 0]
-        speed, position = np.hypot(scene.velocity[rows, 0], scene.velocity[rows, 1]), scene.position[rows]
+        speed = np.hypot(scene.velocity[rows, 0], scene.velocity[rows, 1])
         if ego is not None and ego[0] >= 0:
             names.append(EGO)
             path, s = np.append(path, ego[0]), np.append(s, ego[1])
             lengths, speed = np.append(lengths, scene.vehicle.length), np.append(speed, scene.ego.v)
-            position = np.vstack([position, (scene.ego.x, scene.ego.y)])
         now = np.array([self._aside.get(name, 0.0) for name in names])
-        wanted = np.where(self._on_row(path, s, position), self._wanted(path, s, lengths, speed), 0.0)
         most = SIDEWAYS * np.maximum(speed, CREEP) * decision_s
-        after = now + np.clip(wanted - now, -most, most)
+        after = now + np.clip(self._wanted(path, s, lengths, speed) - now, -most, most)
         for name, before, aside in zip(names, now.tolist(), after.tolist(), strict=True):
             if before or aside:
                 self._sumo.shift(name, aside)
         self._aside = {name: aside for name, aside in zip(names, after.tolist(), strict=True) if aside}
 
-    def _on_row(self, path: Index, s: Array, position: Array) -> Flags:
-        """(N,) whether those at `position` (N, 2) m are on the lanes of their rows, not on lanes beside."""
-        x, y, heading = self._network.paths.pose(path, s)
-        left = (position[:, 1] - y) * np.cos(heading) - (position[:, 0] - x) * np.sin(heading)
-        return np.abs(left) < ON_ROW_M
-
     def _wanted(self, path: Index, s: Array, lengths: Array, speed: Array) -> Array:
         """(N,) m to the left of their lane's middle where SVs should be, whose middles are at `s` m on rows
         `path`, given their lengths (m) and speeds (m/s): as far aside as they must be next, on the stretch
-        that the yielding layer looks at.
+        that the yielding layer looks at, and no farther than their lane lets them now.
         """
         classes, wanted = self.classes(lengths), np.zeros(len(s))
         first = np.clip((s / SPACING).astype(int), 0, self._next.shape[2] - 1)
@@ -173,7 +168,8 @@ class Passing:
             other_side = np.flatnonzero(sought * sought[0] < 0.0)  # of a later thing
             sought = sought[: other_side[0]] if len(other_side) else sought
             wanted[i] = sought[np.abs(sought).argmax()]
-        return wanted
+        room = self._rooms()[path, first]
+        return np.clip(wanted, -room, room)
 
     def _find(self, standing: list[Prop], passable: Collection[str]) -> None:
         paths = self._network.paths
@@ -206,25 +202,26 @@ class Passing:
                 continue
             position, heading = _bodies_on_lines(paths, row, station, length)
             left = np.stack([-np.sin(heading), np.cos(heading)], axis=1) * room[row, station, None]
-            for k, share in enumerate(SHARES):
+            for k, share in enumerate(SHARES if prop.name in passable else SHARES[:1]):
                 gaps = gaps_between(
                     position + share * left, heading, body, np.tile([x, y], (n, 1)), np.full(n, psi), size
                 )
-                near = gaps < (TOUCH + SPARE if share else TOUCH)
-                hits[k, row, station] |= near if prop.name in passable else hits[0, row, station] | near
+                hits[k, row, station] |= gaps < (TOUCH + SPARE if share else TOUCH)
+            if prop.name not in passable:
+                hits[1:, row, station] |= hits[0, row, station]
         first = hits.argmin(axis=0)
         blocked: Flags = np.logical_and.reduce(hits)
         return blocked, np.where(blocked, 0.0, np.array(SHARES)[first] * room)
 
     def _rooms(self) -> Array:
-        """(P, M) m that an SV may be beside the middle of each row."""
+        """(P, M) m that an SV may be beside the middle of each row; 0 but on roads of one lane."""
         if self._room is None:
             network, paths = self._network, self._network.paths
             self._room = np.zeros(paths.xy.shape[:2])
             for row, spans in enumerate(paths.spans):
                 for name, (begin, end) in spans.items():
                     lane = network.lanes.get(name)
-                    if lane is not None and not lane.internal:
+                    if lane is not None and not lane.internal and _is_alone(network, lane):
                         reach = slice(int(np.ceil(begin / SPACING)), int(end / SPACING) + 1)
                         self._room[row, reach] = _room(lane.width, self._traffic)
         return self._room

@@ -385,7 +385,7 @@ class World:
             for row, deceleration in zip(must.rows, must.deceleration, strict=True)
         }
         if self.stage.props or self._detours.round_something:
-            for name, (speed, needed) in self._detours.step(scene, self.stage).items():
+            for name, (speed, needed) in self._detours.step(scene).items():
                 wanted[name] = speed, max(min(needed, most), wanted.get(name, (0.0, 0.0))[1])
             if self._detours.redirected:
                 self._reader.relocate()

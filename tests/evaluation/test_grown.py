@@ -37,6 +37,17 @@ def same(one, other):
     return rows[0] == rows[1] and told[0][1] == told[1][1] and manifests[0] == manifests[1]
 
 
+def plain_then_swept(fakes, make_plan, tmp_path):
+    """A plan of which one scenario sweeps values, driven in `at_once`, and without that one in `grown`."""
+    plain = make_plan()
+    swept = make_plan(names=("dense_left_turn",)).scenarios[0]
+    swept = swept.model_copy(update={"sweep": {"traffic.density": (10.0, 20.0)}})
+    both = SweepPlan((*plain.scenarios, swept), plain.agents, 3, 0)
+    run_sweep(both, tmp_path / "at_once", fakes.Runner)
+    run_sweep(plain, tmp_path / "grown", fakes.Runner)
+    return both
+
+
 def test_another_agent(fakes, make_plan, tmp_path):
     both = make_plan()
     run_sweep(both, tmp_path / "at_once", fakes.Runner)
@@ -48,24 +59,14 @@ def test_another_agent(fakes, make_plan, tmp_path):
 
 
 def test_another_scenario_with_values_that_it_sweeps(fakes, make_plan, tmp_path):
-    plain = make_plan()
-    swept = make_plan(names=("dense_left_turn",)).scenarios[0]
-    swept = swept.model_copy(update={"sweep": {"traffic.density": (10.0, 20.0)}})
-    both = SweepPlan((*plain.scenarios, swept), plain.agents, 3, 0)
-    run_sweep(both, tmp_path / "at_once", fakes.Runner)
-    run_sweep(plain, tmp_path / "grown", fakes.Runner)
+    both = plain_then_swept(fakes, make_plan, tmp_path)
     run_sweep(both, tmp_path / "grown", fakes.Runner, resume=True)
     assert same(tmp_path / "grown", tmp_path / "at_once")
     assert read_sweep(tmp_path / "grown")[1] == ("traffic.density",)
 
 
 def test_a_kill_before_the_columns_are_there_costs_nothing(fakes, make_plan, tmp_path):
-    plain = make_plan()
-    swept = make_plan(names=("dense_left_turn",)).scenarios[0]
-    swept = swept.model_copy(update={"sweep": {"traffic.density": (10.0, 20.0)}})
-    both = SweepPlan((*plain.scenarios, swept), plain.agents, 3, 0)
-    run_sweep(both, tmp_path / "at_once", fakes.Runner)
-    run_sweep(plain, tmp_path / "grown", fakes.Runner)
+    both = plain_then_swept(fakes, make_plan, tmp_path)
     grown = (tmp_path / "at_once" / "manifest.json").read_text()
     (tmp_path / "grown" / "manifest.json").write_text(grown)
     count = Count()

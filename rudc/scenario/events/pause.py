@@ -14,7 +14,7 @@ class Pause(FileModel, frozen=True):
     """They stop on their way, all at once, and go on later: who hesitates, or has dropped something."""
 
     after: Metre
-    """m that the first of them has moved by then from 1.5 m beside the road; vehicles begin to brake there"""
+    """m from where the first starts, 1.5 m beside the road, to where it stops, or begins to brake"""
     duration: Duration
     """s that they stand"""
 
