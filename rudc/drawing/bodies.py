@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from rudc.drawing.palette import (
 )
 from rudc.drawing.text import font
 from rudc.world.scene import Kind, Scene
+
+if TYPE_CHECKING:
+    from rudc.drawing.view import ShownEvent
 
 _Points = list[tuple[float, float]]
 
@@ -140,9 +144,11 @@ def draw_sensed(canvas: Canvas, perceived: Scene, rows: Iterable[int]) -> None:
         canvas.outline(shape[0], SENSED, 0.2)
 
 
-def draw_badge(canvas: Canvas, x: float, y: float, text: str, *, there: bool = True) -> None:
-    """An event's number, or several, centred on (x, y) m; grey where nothing of the event is there yet."""
-    (px, py), r = canvas.pixels(np.array([x, y])).tolist(), BADGE_PX * FINE
+def _draw_badge(canvas: Canvas, place: Array, text: str, *, there: bool = True) -> None:
+    """An event's number, or several, centred on a place (2,) m; grey where nothing of the event is there
+    yet.
+    """
+    (px, py), r = canvas.pixels(place).tolist(), BADGE_PX * FINE
     letters = font(BADGE_TEXT_PX * FINE)
     half = max(r, 0.5 * letters.getlength(text) + 0.5 * r)
     box, edge = (px - half, py - r, px + half, py + r), round(1.4 * FINE)
@@ -151,6 +157,23 @@ def draw_badge(canvas: Canvas, x: float, y: float, text: str, *, there: bool = T
     )
     ink = INK if there else (110, 116, 124)
     canvas.draw.text((px, py), text, fill=ink, font=letters, anchor="mm")
+
+
+def draw_marks(canvas: Canvas, events: Iterable[ShownEvent]) -> None:
+    """The numbers of events at the places that they mark; where two would overlap, in one badge."""
+    marks: list[tuple[Array, bool, list[str]]] = []
+    near = 2 * BADGE_PX * FINE / canvas.scale
+    for event in events:
+        for place in map(np.array, event.places):
+            for at, waits, numbers in marks:
+                if np.hypot(*(at - place)) < near and waits == event.waits:
+                    if str(event.number) not in numbers:
+                        numbers.append(str(event.number))
+                    break
+            else:
+                marks.append((place, event.waits, [str(event.number)]))
+    for at, waits, numbers in marks:
+        _draw_badge(canvas, at, ",".join(numbers), there=not waits)
 
 
 def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, str]) -> None:
@@ -166,8 +189,7 @@ def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, str]) -> Non
             place = _nearest_to(canvas.centre, place, float(scene.heading[i]), float(scene.size[i, 0]))
         if canvas.holds(place):
             aside = 0.35 * float(scene.size[i].min()) + away
-            x, y = (place + 0.8 * aside).tolist()
-            draw_badge(canvas, x, y, numbers[name])
+            _draw_badge(canvas, place + 0.8 * aside, numbers[name])
 
 
 def _nearest_to(target: Array, position: Array, heading: float, length: float) -> Array:

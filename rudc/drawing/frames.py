@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from rudc.drawing.bodies import draw_badge, draw_badges, draw_ego, draw_others, draw_sensed
+from rudc.drawing.bodies import draw_badges, draw_ego, draw_marks, draw_others, draw_sensed
 from rudc.drawing.canvas import FINE, Canvas, cut
 from rudc.drawing.caption import correction_line, events_lines, state_line, title
 from rudc.drawing.overlays import draw_constraints, draw_patch, draw_path, draw_sensor_reach, draw_way
@@ -59,8 +59,7 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
     for event in view.events:
         if event.way is not None:
             draw_way(canvas, event.way)
-        for x, y in event.places:
-            draw_badge(canvas, x, y, str(event.number), there=not event.waits)
+    draw_marks(canvas, view.events)
     draw_badges(canvas, scene, numbers)
 
 

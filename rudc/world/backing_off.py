@@ -92,7 +92,7 @@ class BackingOff:
                 continue
             (x, y), psi = scene.position[i].tolist(), float(scene.heading[i])
             if self._must_move(scene, i, back, step):
-                if _may_be_at(scene, i, back.s - step):
+                if _may_go_back(scene, i, back.s, step):
                     self._back[name] = back._replace(s=back.s - step)
                     x, y, psi = _place(scene, i, back.s - step)
                 elif all(other.ahead != name for other in self._back.values()):
@@ -103,13 +103,18 @@ class BackingOff:
         """Rows of those right behind the SV of row i who must go back before it can, by `step` m at first,
         the nearest first; None if it cannot."""
         queue = [i]
-        while not _may_be_at(scene, queue[-1], float(scene.path_s[queue[-1]]) - step):
+        while not _may_go_back(scene, queue[-1], self._s(scene, queue[-1]), step):
             behind = _right_behind(scene, queue[-1])
             together = {*self._back, *(scene.ids[k] for k in queue)}
             if behind is None or len(together) >= QUEUE or not self._may_begin(scene, behind):
                 return None
             queue.append(behind)
         return queue[1:]
+
+    def _s(self, scene: Scene, i: int) -> float:
+        """m along its way where the SV of row i is. SUMO may say something else of one that goes back."""
+        back = self._back.get(scene.ids[i])
+        return float(scene.path_s[i]) if back is None else back.s
 
     def _may_begin(self, scene: Scene, i: int) -> bool:
         driver = self._traffic.drivers.get(scene.ids[i])
@@ -137,7 +142,7 @@ class BackingOff:
         if not back.ahead:
             return _in_its_way(scene, i, ROOM)
         k, ahead = scene.ids.index(back.ahead), self._back[back.ahead]
-        return self._must_move(scene, k, ahead, step) and not _may_be_at(scene, k, ahead.s - step)
+        return self._must_move(scene, k, ahead, step) and not _may_go_back(scene, k, ahead.s, step)
 
 
 def bars(scene: Scene, i: int, ahead_m: float, *, beyond: bool = False) -> bool:
@@ -200,12 +205,13 @@ def _place(scene: Scene, i: int, s: float) -> tuple[float, float, float]:
     return float(position[0, 0]), float(position[0, 1]), float(heading[0])
 
 
-def _may_be_at(scene: Scene, i: int, s: float) -> bool:
-    """Whether the SV of row i may go back to s m on its way: it stays on its arm, its front does not cross
-    its stop line, and it is nearer to nobody than CLEAR_M or than it is now."""
+def _may_go_back(scene: Scene, i: int, s: float, step: float) -> bool:
+    """Whether the SV of row i, now at s m on its way, may go back by `step` m: it stays on its arm, its front
+    does not cross its stop line, and it is nearer to nobody than CLEAR_M or than it is now.
+    """
     ego, body, (length, width) = scene.ego, scene.vehicle, scene.size[i].tolist()
     stop_s = scene.network.paths.stop_s[scene.path[i]] - 0.5 * length
-    if s < stop_s <= scene.path_s[i] or s < 0.5 * length:
+    if s - step < stop_s <= s or s - step < 0.5 * length:
         return False
     others = np.arange(scene.count) != i
     position = np.vstack([scene.position[others], (ego.x, ego.y)])
@@ -215,6 +221,8 @@ def _may_be_at(scene: Scene, i: int, s: float) -> bool:
     def gaps(x: float, y: float, psi: float) -> Array:
         return rectangle_gaps(x, y, psi, length, width, position, heading, size)
 
+    # In a bend SUMO puts it a few cm beside where its way has it, which may bring it nearer to somebody.
     x, y = scene.position[i].tolist()
-    now = gaps(x, y, float(scene.heading[i]))
-    return bool((gaps(*_place(scene, i, s)) >= np.minimum(now, CLEAR_M)).all())
+    now = np.minimum(gaps(x, y, float(scene.heading[i])), gaps(*_place(scene, i, s)))
+    then = gaps(*_place(scene, i, s - step))
+    return bool(((then >= np.minimum(now, CLEAR_M)) & ((then > 0.0) | (now == 0.0))).all())

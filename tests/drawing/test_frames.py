@@ -102,6 +102,26 @@ def test_who_takes_part_in_an_event_is_coloured_and_numbered(renderer, make_scen
     assert np.any(road(renderer, scene, events=(other,)) != frame), "the number itself differs"
 
 
+def test_events_that_mark_one_place_share_a_badge(renderer, make_scene):
+    def marked(*places):
+        events = [ShownEvent(number, ACCIDENT, places=(place,)) for number, place in enumerate(places, 1)]
+        return road(renderer, make_scene(), events=events)
+
+    bare = marked()
+    one, both, swapped, apart = (
+        marked(*places)
+        for places in (
+            [(2.0, 4.0)],
+            [(2.0, 4.0), (2.3, 4.0)],
+            [(2.0, 4.0), (2.0, 4.3)],
+            [(2.0, 4.0), (2.0, 9.0)],
+        )
+    )
+    drawn = [int((picture != bare).any(axis=2).sum()) for picture in (one, both, apart)]
+    assert drawn[0] < drawn[1] < drawn[2], "one badge, but a wider one"
+    assert (both == swapped).all(), "where the first is, not one over the other"
+
+
 def test_what_is_long_is_drawn_and_numbered_though_its_middle_is_not_in_view(renderer, make_scene, network):
     """A closure 100 m long whose near end is 24 m from the junction's centre; its number stands beside it."""
     x, y = network.center

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rudc.geometry import rectangle_gaps
 from rudc.world import backing_off
 from rudc.world.backing_off import CLEAR_M, PACE, PATIENCE_S, STOOD_S, BackingOff
 from tests.world.standing import scenes_of_a_standing_ego
@@ -51,6 +52,13 @@ def nose_to_nose(make_scene, four_way):
         return make_scene(them, *others, v=0.0, front=beyond - 0.5 - ego_back, waited_s=waited_s)
 
     return make
+
+
+def gap_to_ego(scene):
+    """m between the ego and the first of the others."""
+    ego, body = scene.ego, scene.vehicle
+    one = scene.position[:1], scene.heading[:1], scene.size[:1]
+    return float(rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, *one)[0])
 
 
 class Asked:
@@ -134,6 +142,22 @@ def test_nobody_goes_back_into_who_is_behind(nose_to_nose):
         away = length + gap
         one.step(nose_to_nose({"at": (x - away * np.cos(psi), y - away * np.sin(psi), psi)}), DECISION_S)
         assert bool(asked.places) == goes
+
+
+def test_who_stands_beside_where_its_way_has_it_goes_back_too(nose_to_nose):
+    """In bends SUMO puts vehicles some cm beside our paths; whose first step back would bring it nearer to
+    the ego than it was stood for ever.
+    """
+    nearer = (nose_to_nose(back=-way) for way in np.arange(0.0, 4.0, 0.05))
+    scene = next(scene for scene in nearer if 0.0 < gap_to_ego(scene) < 0.5 * CLEAR_M)
+    away = np.array([scene.ego.x, scene.ego.y]) - scene.position[0]
+    shifted = replace(scene, position=scene.position - 0.15 * away / np.hypot(*away))
+    assert gap_to_ego(shifted) > gap_to_ego(scene) + PACE * DECISION_S
+    one, asked = backing()
+    one.step(shifted, DECISION_S)
+    assert asked.places
+    ahead = np.array(asked.places[0][1:]) - scene.position[0]
+    assert ahead @ [np.cos(scene.heading[0]), np.sin(scene.heading[0])] < 0.0
 
 
 def test_it_waits_until_the_ego_is_gone_or_its_patience_ends_and_does_it_once(nose_to_nose):
