@@ -7,7 +7,8 @@
 
 A decision lasts `decision_s` and is simulated in sub-steps. In each, the ego's plant moves, SUMO moves the
 surrounding vehicles (SVs), props move, and the ego's rectangle is tested against what is near. Before the
-first sub-step events act, and twice a second (five times while a prop moves) the yielding layer brakes SVs.
+first sub-step events act, and twice a second, or more often (`yielding.next_look`), the yielding layer brakes
+SVs.
 """
 
 from __future__ import annotations
@@ -40,8 +41,7 @@ from rudc.world.traffic import Traffic
 from rudc.world.trial import refuse_untried
 from rudc.world.unblocking import Unblocking
 from rudc.world.vehicle_types import EGO, type_file
-from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
-from rudc.world.yielding_kernels import LAYER_S
+from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield, next_look
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
@@ -53,8 +53,6 @@ CLOSE_M = 2.0
 """m, gaps up to this size are measured in every sub-step, larger ones only at the end of a decision"""
 FAR_M = 10_000.0
 """m, far off any road"""
-LAYER_MOVING_S = 0.2
-"""s, LAYER_S while pedestrians or wrong-way drivers move about"""
 OVERLAPS_EVERY = 5
 """decisions from one test for overlaps among SVs to the next"""
 
@@ -158,8 +156,8 @@ class World:
         if np.isnan(u).any():
             raise InputError(f"the action {u} is not acceleration (m/s2) and front-wheel angle (rad)")
         began = self._script.step(scene)
-        layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
-        every = max(1, round(layer_s / self.config.decision_s))
+        moving = any(prop.moves for prop in self.stage.props)
+        every = next_look(self._nearest.gap, moving, self.config.decision_s)
         self._detours.move_aside(scene, self.stage, self.config.decision_s, self._sumo_ego())
         if self._decisions % every == 0 or self._brakes.are_over:
             self._brake(scene, every * self.config.decision_s)

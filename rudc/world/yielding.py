@@ -45,6 +45,7 @@ from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
 from rudc.world.yielding_kernels import (
     INSTANTS,
+    LAYER_S,
     LINGERS,
     STEP_S,
     near_ego,
@@ -60,6 +61,13 @@ its front is beside its path"""
 BESIDE_M = 0.3, 1.0
 """m beside its path, less than which the front never counts as out of its lane, and more than which it always
 does"""
+
+LAYER_MOVING_S = 0.2
+"""s, LAYER_S while pedestrians or wrong-way drivers move about"""
+TIGHT_M = 0.5
+"""m between the ego and the body nearest to it, below which SVs look ahead at every decision: within LAYER_S,
+one that sets off beside the ego would drive into an ego that stops again
+"""
 
 TIMES: Array = STEP_S * np.arange(INSTANTS, dtype=np.float64)
 """(INSTANTS,) s, the instants that are predicted"""
@@ -77,6 +85,15 @@ class Yielding(NamedTuple):
     """(m,) m/s2; 0 for those that must not go faster"""
     for_ego: list[int]
     """rows of those who would have to for the ego alone"""
+
+
+def next_look(gap: float, moving: bool, decision_s: float) -> int:
+    """Decisions of `decision_s` s until SVs look ahead again. `gap`: m from the ego to the nearest body;
+    `moving`: whether pedestrians or wrong-way drivers move about.
+    """
+    if gap < TIGHT_M:
+        return 1
+    return max(1, round((LAYER_MOVING_S if moving else LAYER_S) / decision_s))
 
 
 def must_yield(

@@ -31,6 +31,26 @@ def led(world, monkeypatch):
     return drive
 
 
+@pytest.mark.parametrize(("gap", "looks"), [(0.3, 10), (0.8, 2)])
+def test_the_yielding_layer_looks_at_every_decision_while_somebody_is_at_the_egos_side(
+    world, monkeypatch, gap, looks
+):
+    """Twice a second is too seldom there: an SV set off beside an ego that drove, and into it as it stopped
+    again.
+    """
+    stands = event("accident", objects=[{"lane": "north_in_0", "at": 20, "size": [4, 2]}])
+    there = world.reset(replace(LED, density=0.0, events=(stands,)).plan(0))
+    i = there.ids.index("accident0:0")
+    (x, y), psi, (_, width) = there.position[i], float(there.heading[i]), there.size[i]
+    aside = gap + 0.5 * (width + world.vehicle.width)
+    world.put_ego(x - aside * np.sin(psi), y + aside * np.cos(psi), psi)
+    seen, brake = [], world._brake
+    monkeypatch.setattr(world, "_brake", lambda scene, s: (seen.append(s), brake(scene, s)))
+    for _ in range(10):
+        world.advance(np.array([-6.0, 0.0]))
+    assert len(seen) == looks
+
+
 @pytest.mark.parametrize("asked", [0.0, 1.0, 2.8, 5.0])
 def test_who_is_slowed_down_brakes_no_less_hard_where_it_must_yield_too(led, asked):
     """The yielding layer's weaker braking took the place of the event's."""
