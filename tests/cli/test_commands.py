@@ -118,8 +118,8 @@ def test_keys_are_listed_with_units(rudc):
     said = rudc("scenario", "keys", "vehicle_crossing").out
     assert said.startswith("vehicle_crossing: Cyclists")
     assert [line.split()[0] for line in said.splitlines()[1:]] == [
-        "key", "name", "when", "arm", "type", "size", "at", "speed", "count", "from_side",
-        "pause", "pause.after", "pause.duration",
+        "key", "name", "when", "arm", "type", "size", "at", "speed", "count", "gap",
+        "from_side", "pause", "pause.after", "pause.duration",
     ]  # fmt: skip
     assert "[number, number]" in rudc("scenario", "keys", "occlusion").out
     assert rudc("scenario", "keys", "hard_brak").status == 2

@@ -139,6 +139,19 @@ def test_vehicles_cross_the_arm_one_behind_the_other(world, kind, size):
     assert gap == pytest.approx(1.2 + VEHICLE_TYPES[kind].length / 5.0, abs=0.05)
 
 
+@pytest.mark.parametrize(("kind", "length"), [("vehicle_crossing", 1.8), ("pedestrian_crossing", 0.0)])
+def test_a_gap_in_s_is_left_between_one_and_the_next(world, kind, length):
+    crossing = event(kind, arm="north", at=6, speed=2, count=2, gap=3)
+    scene = world.reset(replace(EMPTY, origin="south", turn="right", events=(crossing,)).plan(0))
+    apart = []
+    while scene.time_s < 12:
+        if scene.count == 2:
+            apart.append(float(np.hypot(*np.diff(scene.position, axis=0)[0])))
+        world.advance(STAND)
+        scene = world.scene()
+    assert apart[len(apart) // 2] == pytest.approx(length + 3.0 * 2.0, abs=0.05)
+
+
 def test_what_crosses_may_be_of_another_size(world):
     """A hospital bed, which the file calls a bicycle."""
     crossing = event("vehicle_crossing", arm="north", at=6, speed=2, count=2, size=[2.2, 1.1])

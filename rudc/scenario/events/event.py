@@ -25,7 +25,10 @@ from rudc.scenario.triggers import Trigger, awaited
 Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
 Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]
 MovingSpeed = Annotated[AnyDistribution, Bounds(0, 40, "m/s", above=True)]
+Gap = Annotated[AnyDistribution, Bounds(0.5, 30, "s")]
 
+FOLLOWING_S = 1.2
+"""s between the rear of one who crosses and the front of the next, where the file does not say"""
 UNHURRIED = 3.0
 """m/s2, with which an event slows down or stops a vehicle whose driver need not hurry"""
 ROUNDED_S = 1e-6
@@ -160,6 +163,11 @@ class Felt(Effect[E]):
 
 class Passing(Effect[E]):
     """An effect that sends road users over the road; it is over once they have left."""
+
+    @staticmethod
+    def gap_s(gap: Distribution | None) -> float:
+        """s between the rear of one and the front of the next, once `gap` is drawn."""
+        return FOLLOWING_S if gap is None else float(gap)
 
     def is_over(self, stage: Stage) -> bool:
         return not stage.things_of(self.name)

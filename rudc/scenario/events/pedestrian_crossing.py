@@ -6,14 +6,11 @@ from typing import Annotated, Literal
 
 from rudc.scenario.choices import Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Event, Passing
+from rudc.scenario.events.event import Event, Gap, Passing
 from rudc.scenario.events.pause import WalkersPause, halt_of
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Metre
-
-FOLLOWING_S = 1.2
-"""s between one pedestrian and the next"""
 
 
 class PedestrianCrossing(Event, frozen=True):
@@ -29,6 +26,8 @@ class PedestrianCrossing(Event, frozen=True):
     """m/s"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
+    gap: Gap | None = None
+    """s between one and the next; by default 1.2"""
     from_side: Side = "right"
     """side they start from, as seen going towards the junction: on `ego_out`, `right` is the ego's left"""
     pause: WalkersPause | None = None
@@ -44,7 +43,7 @@ class PedestrianCrossingEffect(Passing[PedestrianCrossing]):
         if event.from_side == "left":
             way = way[::-1]
         for i in range(event.count):
-            late_m = i * FOLLOWING_S * speed
+            late_m = i * self.gap_s(event.gap) * speed
             stage.send(f"{self.name}:{i}", "pedestrian", way, speed, late_m, halt=halt_of(event.pause))
         return True
 

@@ -6,14 +6,12 @@ from typing import Annotated, Literal
 
 from rudc.scenario.choices import AnyVehicleType, Place, Side
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Event, MovingSpeed, Passing
+from rudc.scenario.events.event import Event, Gap, MovingSpeed, Passing
 from rudc.scenario.events.pause import Pause, halt_of
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import ROADSIDE_M, Size, Stage
 from rudc.scenario.triggers import Metre
 
-FOLLOWING_S = 1.2
-"""s between the rear of one and the front of the next"""
 CrosserSide = Annotated[AnyDistribution, Bounds(0.2, 25, "m")]
 
 
@@ -34,6 +32,8 @@ class VehicleCrossing(Event, frozen=True):
     """m/s; they stop for what stands in their way and for an ego below 2 m/s, not for a faster one"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
+    gap: Gap | None = None
+    """s between the rear of one and the front of the next; by default 1.2"""
     from_side: Side = "right"
     """side they start from, as seen going towards the junction: on `ego_out`, `right` is the ego's left"""
     pause: Pause | None = None
@@ -68,7 +68,7 @@ class VehicleCrossingEffect(Passing[VehicleCrossing]):
             return False
         beyond_m = beyond_way(length)
         for i in range(event.count):
-            late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)
+            late_m = 0.5 * length + i * (length + self.gap_s(event.gap) * speed)
             name, halt = f"{self.name}:{i}", halt_of(event.pause)
             stage.send(name, event.type, way, speed, late_m, beyond_m, halt=halt, size=size)
         return True
