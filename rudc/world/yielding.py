@@ -19,8 +19,8 @@ junction are left to SUMO, unless its front reaches out of its lane: SUMO takes 
 lane of its front bumper alone. Inside the junction they are not left to SUMO either, since there SUMO does
 not see the rear of a vehicle that drives another way.
 
-SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
-when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
+SVs are predicted along their own lanes at constant speed, the ego along its reference path, or as
+far beside it as it is (straight ahead when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
 yield needs the deceleration b = v^2 / (2 d), where d is the way that it can go before the first overlap. It
 brakes with b once b exceeds BRAKE_FROM, or half of what a slippery road lets it brake, or the overlap is at
 most 0.5 s away. Until then it goes no faster, if it drives faster than CREEP, or, on a slippery road, could
@@ -175,12 +175,13 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
 
 def _predicted(scene: Scene, stray: bool) -> tuple[Complex, Complex]:
     """Place (INSTANTS,) m and direction (INSTANTS,) of the ego at each instant, as complex numbers: it
-    stands, or follows its path, or goes straight on.
+    stands, or follows its path, or goes straight on. Beside its path it stays as far beside it.
     """
     ego = scene.ego
     if ego.v >= LINGERS and not stray:
-        line = scene.route.path.poses
-        return along_line(line, len(line), 0, scene.ego_s, 0j, 1 + 0j, ego.v * TIMES)
+        line, beside = scene.route.path.poses, scene.ego_offset
+        offset = 1j * beside if abs(beside) > BESIDE_M[0] else 0j
+        return along_line(line, len(line), 0, scene.ego_s, offset, 1 + 0j, ego.v * TIMES)
     course, v = ego.psi + ego.slip, ego.v if ego.v >= LINGERS else 0.0
     return straight_on(ego.x, ego.y, ego.psi, cmath.rect(v, course))
 

@@ -56,3 +56,11 @@ def test_one_that_stands_beside_the_ego_drives_on_since_its_tail_only_follows(be
     scene = beside(155.713, -0.148, 0.061, 165.635, 0.0, to="east")
     scene = replace(scene, position=np.array([[159.47, 145.259]]), heading=np.array([0.968]))
     assert must_yield(scene).rows == []
+
+
+@pytest.mark.parametrize(("offset", "brakes"), [(0.8, True), (0.2, False)])
+def test_an_ego_that_drives_beside_its_path_is_expected_to_stay_beside_it(beside, offset, brakes):
+    """Others reckoned with one that is on its path at once."""
+    scene = beside(168.0, offset, 0.0, 134.0, 7.2)
+    driving = replace(scene.ego, v=3.0)
+    assert must_yield(replace(scene, ego=driving, waited_s=0.0)).rows == [0] * brakes
