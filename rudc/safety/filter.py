@@ -50,12 +50,12 @@ from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.corrected import Corrected
 from rudc.safety.guarded import answer_of
-from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.qp_kernels import least_excess, on_the_road, pulls, some_rows, undecided, with_violations
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
+from rudc.safety.soundness import refuse_unsound
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import within_limits
 from rudc.world.scene import Scene
@@ -141,10 +141,10 @@ class SafetyFilter:
 
     def constraints(self, scene: Scene) -> Constraints:
         """What `filter` will constrain in this scene, in the order of its rows; its argument `residual` must
-        be in the same order. Raises SolverError if the scene is not finite.
+        be in the same order. Raises SolverError for a scene that cannot be (rudc/safety/soundness.py).
         """
         if self._seen is None or self._seen[0] is not scene:
-            _refuse_unknown_world(scene)
+            refuse_unsound(scene)
             self._seen = scene, self._builder.build(scene)
         return self._seen[1]
 
@@ -161,8 +161,11 @@ class SafetyFilter:
         `slack`: delta(sigma) of kind `level`, m2 per step, added to all rows. `rate`: delta(sigma) of kind
         `rate`, without unit (rudc/safety/slack.py explains both). `residual`: (K,) m2 per step, predicted
         h(x_next) minus that of the filter's model, in the order of `constraints(scene)`; see rows.py. Raises
-        SolverError if anything is not finite, or if `residual` does not fit the constraints.
+        SolverError if anything is not finite, if `residual` does not fit the constraints, or for a scene that
+        cannot be.
         """
+        if len(u_rl) != 2:
+            raise SolverError(f"the filter was given {u_rl}, not an acceleration and a front-wheel angle")
         a, delta = float(u_rl[0]), float(u_rl[1])
         proposed = np.array([a, delta])
         if not math.isfinite(a + delta + slack + rate):
@@ -386,15 +389,3 @@ def _least(rows: Array, b: Array, u: Array, names: tuple[str, ...]) -> float:
 def _within(body: EgoVehicle, u: Array) -> Array:
     """(2,) the action (m/s2, rad) clipped to the vehicle's limits."""
     return np.array(within_limits(body, *u.tolist()))
-
-
-def _refuse_unknown_world(scene: Scene) -> None:
-    """Raise SolverError if a number of the scene that the filter uses is not finite."""
-    ego = scene.ego
-    if not math.isfinite(ego.x + ego.y + ego.psi + ego.v + scene.ego_s):
-        raise SolverError(f"the filter was given an ego state that is not finite: {ego}")
-    if all_finite(scene.position, scene.heading, scene.velocity, scene.path_s, scene.size):
-        return
-    for name in ("position", "heading", "velocity", "size", "path_s"):
-        if not np.isfinite(getattr(scene, name)).all():
-            raise SolverError(f"the filter was given a scene whose {name} is not finite")

@@ -19,14 +19,14 @@ junction are left to SUMO, unless its front reaches out of its lane: SUMO takes 
 lane of its front bumper alone. Inside the junction they are not left to SUMO either, since there SUMO does
 not see the rear of a vehicle that drives another way.
 
-SVs are predicted along their own lanes at constant speed, the ego along its reference path, or as
-far beside it as it is (straight ahead when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
-yield needs the deceleration b = v^2 / (2 d), where d is the way that it can go before the first overlap. It
-brakes with b once b exceeds BRAKE_FROM, or half of what a slippery road lets it brake, or the overlap is at
-most 0.5 s away. Until then it goes no faster, if it drives faster than CREEP, or, on a slippery road, could
-not stop after picking up speed until the next pass. It is released as soon as no overlap is predicted. One
-that creeps or stands is also predicted as if it drove on with PICKS_UP: where that meets an ego that drives
-past, it goes no faster.
+SVs are predicted along their own lanes at constant speed, the ego along its reference path, or as far beside
+it as it is (straight ahead when it is off this path), each in steps of 0.25 s. The SVs' rectangles are
+slightly enlarged. An SV that must yield needs the deceleration b = v^2 / (2 d), where d is the way that it
+can go before the first overlap. It brakes with b once b exceeds BRAKE_FROM, or half of what a slippery road
+lets it brake, or the overlap is at most 0.5 s away. Until then it goes no faster, if it drives faster than
+CREEP, or, on a slippery road, could not stop after picking up speed until the next pass. It is released as
+soon as no overlap is predicted. One that creeps or stands is also predicted as if it drove on with PICKS_UP:
+where that meets an ego that drives past, it goes no faster.
 """
 
 from __future__ import annotations

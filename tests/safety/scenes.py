@@ -44,6 +44,11 @@ class Paths:
         return np.concatenate([self.xy, self.heading[..., None]], axis=2).reshape(-1, 3)
 
     @property
+    def count(self) -> int:
+        """P."""
+        return len(self.heading)
+
+    @property
     def stations(self) -> int:
         """M."""
         return self.heading.shape[1]
