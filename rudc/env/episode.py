@@ -96,6 +96,7 @@ class Episode:
         self.world = world
         self._truth: Scene | None = None
         self._outcome: Outcome | None = None
+        self._cut_off = False
 
     def reset(
         self,
@@ -108,12 +109,19 @@ class Episode:
         `World.reset`; after an error there is no episode.
         """
         self._truth = self._outcome = None
+        self._cut_off = False
         self._begin(self.world.reset(plan, ego_driver=ego_driver, options=options))
         return self.world.perceived()
 
     @property
     def truth(self) -> Scene:
-        """The world as it is, without the sensors' flaws. Raises SimulationError before the first `reset`."""
+        """The world as it is, without the sensors' flaws. Raises SimulationError before the first `reset`,
+        and once a decision was cut off.
+        """
+        if self._cut_off:
+            raise SimulationError(
+                "the episode was cut off in the middle of a decision; call reset() to begin another"
+            )
         if self._truth is None:
             raise SimulationError("there is no episode yet; call reset(plan) first")
         return self._truth
@@ -131,11 +139,12 @@ class Episode:
 
     def step(self, u: Array) -> StepResult:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision. Raises SimulationError if no
-        episode has begun, or if it is over.
+        episode has begun, or if it is over or was cut off.
         """
         before = self.truth
         if self._outcome is not None:
             raise SimulationError(f"the episode is over ({self._outcome}); call reset() to begin another")
+        self._cut_off = True  # whatever ends it from here on (Ctrl-C) leaves the world between two decisions
         advance = self.world.advance(u)
         after = self.world.scene()
         distances = measure(after, advance.gap_m)
@@ -149,8 +158,9 @@ class Episode:
         reward = sum(terms.values())
         cost = step_cost(distances, collided=collided, broke_rule=broke_rule)
         self._truth, self._distances, self._outcome = after, distances, outcome
-        self._count(advance, reward, cost)
+        self._count(after, advance, reward, cost)
         perceived = self.world.perceived()
+        self._cut_off = False
         return StepResult(perceived, terms, reward, cost, outcome, advance, distances)
 
     def metrics(self) -> EpisodeMetrics:
@@ -193,8 +203,7 @@ class Episode:
         self._steps = self._sv_collisions = 0
         self._speeds = self._reward = self._cost = self._densities = 0.0
 
-    def _count(self, advance: Advance, reward: float, cost: float) -> None:
-        scene = self.truth
+    def _count(self, scene: Scene, advance: Advance, reward: float, cost: float) -> None:
         self._last = advance
         self._steps += 1
         self._speeds += scene.ego.v

@@ -199,3 +199,26 @@ def test_metrics_say_whether_the_scripted_events_happened():
     assert found["absent"][0] == 0
     assert math.isnan(found["absent"][1])
     assert found["one"] == (1, pytest.approx(0.6, abs=0.11), pytest.approx(0.7, abs=0.11))
+
+
+@pytest.mark.parametrize("where", ["advance", "perceived"])
+def test_a_decision_that_is_cut_off_ends_the_episode(monkeypatch, where):
+    """After Ctrl-C in a notebook, `step` went on from the middle of a decision."""
+    plan = load_scenario("random_destination").plan(0)
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with World(load_network("four_way")) as world:
+        episode = Episode(world)
+        episode.reset(plan)
+        episode.step(U)
+        with monkeypatch.context() as patched:
+            patched.setattr(world, where, interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                episode.step(U)
+        for use in (lambda: episode.step(U), lambda: episode.truth, episode.metrics):
+            with pytest.raises(SimulationError, match="cut off in the middle of a decision; call reset"):
+                use()
+        episode.reset(plan)
+        assert episode.step(U).scene.time_s == pytest.approx(0.1)
