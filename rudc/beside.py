@@ -20,14 +20,14 @@ INSTALLED = ("site-packages", "dist-packages")
 """names of folders of installed packages"""
 
 
-def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
+def code_beside(path: Path) -> dict[str, str]:
     """Path -> first 16 hexadecimal digits of the SHA-256 digest, for a Python file and for each file that it
     imports from its own folder or, if that folder belongs to a package, from that package. RUDC's own code is
     left out, and so are other packages that pip has installed.
 
-    Imports are read from the text of a file; names that are passed to `importlib.import_module` are not
-    found. `named`: a string such as `"package.module:Class"`, by which an algorithm names a class, counts as
-    an import too.
+    Imports are read from the text of a file. A name that stands in a call of `import_module` counts as one,
+    and so does a string such as `"package.module:Class"`, by which an algorithm names a class. A name that is
+    worked out is not found.
     """
     root, home = folders_of(path)
     found: dict[str, str] = {}
@@ -40,7 +40,7 @@ def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
             continue
         text = file.read_bytes()
         found[name] = hashlib.sha256(text).hexdigest()[:16]
-        waiting += _imported_by(file, text, root, named)
+        waiting += _imported_by(file, text, root)
         waiting += [package / "__init__.py" for package in file.parents if root in package.parents]
     return found
 
@@ -62,9 +62,9 @@ def _belongs(file: Path, root: Path, home: Path) -> bool:
     return file.is_relative_to(home) and file.relative_to(root).parts[0] != "rudc"
 
 
-def _imported_by(file: Path, text: bytes, root: Path, named: bool = False) -> Iterator[Path]:
-    """The files that a Python file imports from under `root`; if `named`, also those that it names in a
-    string `module:Class`.
+def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
+    """The files that a Python file imports from under `root`, or names in a string `module:Class` or in a
+    call of `import_module`.
     """
     try:
         tree = ast.parse(text)
@@ -78,8 +78,10 @@ def _imported_by(file: Path, text: bytes, root: Path, named: bool = False) -> It
             module = f"{node.module}." if node.module else ""
             names = [(base, module.rstrip("."))] if module else []
             names += [(base, f"{module}{alias.name}") for alias in node.names]
-        elif named and isinstance(node, ast.Constant) and (place := _PLACE.fullmatch(str(node.value))):
+        elif isinstance(node, ast.Constant) and (place := _PLACE.fullmatch(str(node.value))):
             names = [(root, place["module"])]
+        elif isinstance(node, ast.Call) and (dotted := _imported_in_call(node)):
+            names = [(root, dotted)]
         else:
             continue
         for base, dotted in names:
@@ -87,6 +89,15 @@ def _imported_by(file: Path, text: bytes, root: Path, named: bool = False) -> It
             for k in range(1, len(parts) + 1):
                 place = base.joinpath(*parts[:k])
                 yield from (one for one in (place.with_suffix(".py"), place / "__init__.py") if one.is_file())
+
+
+def _imported_in_call(call: ast.Call) -> str | None:
+    """NAME of `importlib.import_module("NAME")`, however it is spelt; None for any other call."""
+    called = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
+    first = call.args[0] if call.args else None
+    if called not in ("import_module", "__import__") or not isinstance(first, ast.Constant):
+        return None
+    return first.value if isinstance(first.value, str) and not first.value.startswith(".") else None
 
 
 def refuse_taken(path: Path) -> None:

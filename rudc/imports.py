@@ -120,7 +120,7 @@ def plugins() -> dict[str, dict[str, str]]:
         for entry in entry_points(group=group):
             name, version = (entry.dist.name, entry.dist.version) if entry.dist else ("?", "?")
             path = _place(entry.module)
-            code = {entry.module: "not found"} if path is None else code_beside(path, named=True)
+            code = {entry.module: "not found"} if path is None else code_beside(path)
             found.setdefault(name, {"version": version}).update(code)
     return {name: dict(sorted(found[name].items())) for name in sorted(found)}
 

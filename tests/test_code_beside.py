@@ -64,6 +64,19 @@ def test_imports_are_followed_where_they_lie_beside(tmp_path):
     assert set(code_beside(tmp_path / "kit/three.py")) == {name for name in beside if name.startswith("kit/")}
 
 
+def test_what_is_named_in_a_string_counts_as_imported(tmp_path):
+    """A sweep was resumed after the module of an algorithm's class had changed: rows of both codes mixed."""
+    write(
+        tmp_path,
+        one='from importlib import import_module\nENTRY = {"learner": "two:Mine", "other": "three: no"}\n'
+        'def late():\n    return import_module("kit.four"), __import__("five"), import_module(f"{six}")\n',
+        two='CORRECTIONS = {"mine": "seven:Brake"}\n',
+        three="", five="", six="", seven="", kit__four="",
+    )  # fmt: skip
+    found = {"one.py", "two.py", "seven.py", "kit/four.py", "five.py"}
+    assert set(code_beside(tmp_path / "one.py")) == found
+
+
 def test_neither_installed_packages_nor_rudc_are_followed(tmp_path):
     site = tmp_path / "site-packages"
     write(site, alone="import other\n", other="", theirs__agent="import other\nimport theirs.part\n")
