@@ -20,7 +20,8 @@ The result, by `Corrected.status`:
 
     nominal   the action satisfies all rows (or there are none), so it is the solution and no QP is solved
     solved    the QP's solution, certified (see qp.py). The rows are linearised about it and the QP is solved
-              again until the solution satisfies rows that are linearised about itself, which are exact there
+              again until the solution satisfies rows that are linearised about itself, which are exact there;
+              it is then the nearest action only as far as rows are linear
     relaxed   no action satisfies all rows. The one that violates them least is taken: with a violation s >= 0
               of each row, minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b; by default r of vehicles is a
               thousand times r of the road. If some vehicles' rows ask for more acceleration and others for
