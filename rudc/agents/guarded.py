@@ -27,6 +27,9 @@ from rudc.world.scene import Scene
 
 T = TypeVar("T")
 
+SAME = 1e-6
+"""m/s2, rad: actions that differ by no more are the same; single precision loses as much"""
+
 
 def _is_uncertainty(stated: Any) -> bool:
     try:
@@ -154,6 +157,10 @@ class GuardedCorrection:
             u, correction = two_numbers(answer.u), two_numbers(answer.correction)
             if u is not None and correction is not None:
                 able = np.array(within_limits(scene.vehicle, *u.tolist()))
+                asked = within_limits(scene.vehicle, *np.asarray(proposal.u).tolist())
+                if answer.status == "nominal" and np.abs(able - asked).max() > SAME:
+                    unchanged = f"{np.array(asked)} with status nominal, or another status"
+                    raise refused(self._who, time_s, "correct", f"{able} with status nominal", unchanged)
                 return answer._replace(
                     u=able, correction=correction if (able == u).all() else able - proposal.u
                 )

@@ -196,6 +196,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         )
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
+        if not isinstance(config, WorldConfig | None):
+            raise InputError(f"config is a `WorldConfig`, as WorldConfig(yielding=False), not {config!r}")
         self.render_mode = render_mode
         self._changes = {**(overrides or {}), **({} if network is None else {"network": str(network)})}
         self._scenario = self._find(scenario)

@@ -159,6 +159,21 @@ def test_a_correction_is_cut_to_what_the_vehicle_can(scene_on):
         assert done.correction == pytest.approx(able - u)
 
 
+@pytest.mark.parametrize(("asked", "answer", "fits"), [(1.0, 1.0, True), (9.0, 3.0, True), (1.0, 0.5, False)])
+def test_what_is_said_to_stand_is_what_was_proposed(scene_on, asked, answer, fits):
+    """Steps counted as not corrected where the action was another."""
+    scene, u = scene_on("south", "left", 50.0, 4.0), np.array([asked, 0.1])
+    said = np.array([answer, 0.1])
+    one = make_correction(Odd(answer=Corrected(said, said - u, "nominal")), {})
+    if fits:
+        assert one.correct(scene, Proposal(u), None).status == "nominal"  # pyright: ignore
+        return
+    with pytest.raises(
+        PartFailedError, match=r"correct answered \[0\.5 0\.1\] with status nominal; expected \[1\."
+    ):
+        one.correct(scene, Proposal(u), None)  # pyright: ignore
+
+
 def test_another_correction_takes_the_same_seat(monkeypatch, scene_on):
     monkeypatch.setitem(CORRECTIONS, "halved", Halved)
     correction = read_correction({"kind": "halved", "share": 0.25}).make({})

@@ -186,6 +186,8 @@ def test_arguments_and_options(make):
         env.reset(options=[1])
     with pytest.raises(InputError, match=r"plan is an `EpisodePlan`.*not 3"):
         env.reset(options={"plan": 3})
+    with pytest.raises(InputError, match=r"config is a `WorldConfig`.*not \{'decision_s': 0.2\}"):
+        IntersectionEnv(config={"decision_s": 0.2})  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match="finite"):
         env.step(np.array([np.nan, 0.0]))
     with pytest.raises(InputError, match="finite"):
