@@ -30,3 +30,11 @@ def test_the_command_line_starts_without_what_only_its_commands_need():
 print([name for name in ("gymnasium", "numpy", "torch", "libsumo") if name in sys.modules])"""
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"
+
+
+def test_what_is_public_is_listed():
+    """Shells complete names by it; what is imported late was missing."""
+    import rudc
+
+    assert {*rudc.PUBLIC, "ENV_ID", "__version__"} <= {*dir(rudc)}
+    assert all(callable(getattr(rudc, name)) for name in rudc.PUBLIC)
