@@ -11,6 +11,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from rudc.agents.own import parse_own
+from rudc.agents.own_files import digest
 from rudc.agents.registry import agent_settings
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.manifest import read_manifest
@@ -34,7 +36,8 @@ def kept_plan(folder: Path, episodes: int | None = None, seed: int | None = None
     if "search" in told:
         raise SweepError(f"{folder} is the folder of a search: give the command of `rudc search` again")
     scenarios = KeptScenarios(folder, content)
-    for agent in told["agents"]:
+    for agent, said in told["agents"].items():
+        _refuse_other_file(agent, said)
         try:
             kept_settings(agent)
         except InputError as error:
@@ -105,6 +108,22 @@ class KeptScenarios:
         return SweepError(
             f"the scenario {name!r} of {self._folder} cannot be read any more: "
             f"{dotted(problem.path)}: {problem.text}; {_ran_with(self._content)}{''.join(unread)}"
+        )
+
+
+def _refuse_other_file(agent: str, said: Mapping[str, Any]) -> None:
+    """Raise SweepError if an agent's file is not among those that it was made of, before it is imported:
+    it may be a stranger's, of the same name in another folder.
+    """
+    own = parse_own(agent)
+    if own is None or not own[0].source.endswith(".py"):
+        return
+    path = Path(own[0].source).expanduser()
+    if path.is_file() and digest(path) not in {said.get("source"), *said.get("imports", {}).values()}:
+        raise SweepError(
+            f"{path} is not the file that the sweep's agent {agent} was made of: it has changed since, or is "
+            "another of that name (paths are relative to the folder in which the sweep was started). Rows of "
+            "old and new code would mix: put it back, give the command there, or give another --out"
         )
 
 

@@ -93,6 +93,24 @@ def test_an_agent_of_ones_own_that_is_not_there_is_named_with_where_it_was(rudc,
     assert (lost.status, "relative to the folder in which the sweep was started" in lost.err) == (2, True)
 
 
+def test_a_strangers_file_of_the_same_name_is_not_run(rudc, tmp_path, monkeypatch):
+    own = "class Own:\n    def reset(self, scene, seed): ...\n    def act(self, scene): return 0, 0\n"
+    (tmp_path / "own.py").write_text(own)
+    assert (
+        rudc("sweep", "random_destination", "-a", "own.py:Own", "-n", "1", *SHORT, "-o", "swept").status == 0
+    )
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "own.py").write_text(f"{own}open('ran', 'w').close()\n")
+    monkeypatch.chdir(elsewhere)
+    ended = rudc(*ALONE, "../swept", "--episodes", "2")
+    assert ended.status == 2
+    assert "own.py is not the file that the sweep's agent own.py:Own was made of" in ended.err
+    assert not (elsewhere / "ran").exists()
+    (elsewhere / "own.py").write_text(own)
+    assert rudc(*ALONE, "../swept", "--episodes", "2").status == 0
+
+
 def test_to_a_folder_without_a_sweep_nothing_is_added(rudc, tmp_path):
     for given, missing in ((("--agent", "follower"), "scenarios"), (("jaywalkers",), "agents")):
         refused = rudc("sweep", *given, "--resume", "--out", "mispelt")
