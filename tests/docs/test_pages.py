@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from rudc.agents.registry import make_agent
+from rudc.network import build
 from rudc.scenario import load_scenario
 from rudc.studies.base import Report
 from rudc.studies.catalogue import STUDIES
@@ -71,6 +72,12 @@ def test_functions_that_tables_name_are_there():
     for module, names in rows:
         for name in re.findall(r"`(\w+)`", names):
             assert hasattr(import_module(module), name), f"{module}.{name}"
+
+
+def test_netconverts_options_are_those_of_network_build():
+    said = (DOCS / "tutorials" / "own_network.md").read_text(encoding="utf-8")
+    given = (*build.PLAIN_OPTIONS, *build.OSM_OPTIONS, *build.OPTIONS)
+    assert [option for option in given if f"{option} " not in said and f"{option}`" not in said] == []
 
 
 def test_every_page_is_in_the_menu():
