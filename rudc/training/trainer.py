@@ -54,7 +54,16 @@ from rudc.training.calibration import Measured, calibration_tasks, measured
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED, held_out, make_mixture
-from rudc.training.folder import CONFIG, check_folder, held, keep_inputs, otherwise, sources_now, with_files
+from rudc.training.folder import (
+    CONFIG,
+    check_folder,
+    held,
+    keep_inputs,
+    otherwise,
+    refuse_lost,
+    sources_now,
+    with_files,
+)
 from rudc.training.log import Log, Watcher, episode_columns, evaluation_rows
 from rudc.training.workers import WorkerPool
 
@@ -307,6 +316,9 @@ class Trainer:
     def _restore(self) -> None:
         source = next((f for f in (self._latest, aside_of(self._latest)) if (f / COUNTERS).is_file()), None)
         if source is None:
+            first = next(k for k in range(1, self._config.rounds + 1) if self._breaks(k))
+            before = max(first - self._config.seed_rounds, 0) * self._config.round_steps
+            refuse_lost(self._folder, self._latest / COUNTERS, before)
             return
         try:
             self._refuse_other(source)
