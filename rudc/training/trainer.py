@@ -113,6 +113,7 @@ class Trainer:
         checkpoint is kept.
         """
         self._since = time.monotonic()
+        self._watcher.advance(self._round * self._config.round_steps)
         if self._round >= self._config.rounds:
             return True
         self._log = Log(self._folder, self.steps, self._statistics)
