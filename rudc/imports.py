@@ -138,11 +138,26 @@ def _place(module: str) -> Path | None:
     return Path(spec.origin) if spec is not None and spec.has_location and spec.origin else None
 
 
-def found_at(place: str) -> Any:
-    """The object at a place `package.module:Class`, in RUDC or in a package; its module is imported."""
+def found_at(place: str, what: str = "") -> Any:
+    """The object at a place `package.module:Class`, in RUDC or in a package; its module is imported. Raises
+    InputError if a place that is not RUDC's is not there; messages call it `what`, or else by its place.
+    """
     module, _, name = place.partition(":")
-    with contextlib.redirect_stdout(sys.stderr):
-        return getattr(importlib.import_module(module), name)
+    what = what or place
+    if not (module and name):
+        raise InputError(f"{what}: {place!r} is no place `module:Class`")
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            loaded = importlib.import_module(module)
+    except (Exception, SystemExit) as error:
+        if module.startswith("rudc."):
+            raise
+        if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
+            raise InputError(f"{what}: there is no module {error.name!r}") from None
+        raise InputError(f"{what}: {module} cannot be imported: {in_words(error)}") from error
+    if not hasattr(loaded, name):
+        raise InputError(f"{what}: the module {module} has no {name!r}{did_you_mean(name, vars(loaded))}")
+    return getattr(loaded, name)
 
 
 def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:

@@ -94,14 +94,11 @@ def train(
     config = _config(algorithm, changes, configuration, parse_overrides(settings), out, resume)
     from rudc.training.trainer import train as run  # torch: what is wrong is said before it is loaded
 
-    _note_rounding(config)
     watcher = TrainBar(config) if shows_bars() else TrainLines(config)
     if report:
         watcher = Reported(watcher, out)
     try:
         done = run(config, out, watcher, resume=resume)
-        if isinstance(watcher, Reported):
-            watcher.begin()  # if nothing was left to do
     finally:
         watcher.close()
     if not done:
@@ -192,20 +189,22 @@ class _Count:
 
 
 class TrainLines:
-    """A line at the beginning, for each row of progress.csv, and at least every 30 s."""
+    """A line once it has begun, for each row of progress.csv, and at least every 30 s."""
 
     def __init__(self, config: TrainConfig) -> None:
-        self._count = _Count(config)
+        self._config, self._count = config, _Count(config)
         self._start = self._last = time.monotonic()
         self._first: int | None = None
-        before = f", after {self._count.before} of a reference driver" if self._count.before else ""
-        note(f"training: {self._count.total} steps{before}")
 
     def advance(self, steps: int) -> None:
-        """Say how far it is, if nothing was said for a while."""
+        """Say that it begins, the first time; then how far it is, if nothing was said for a while."""
         now = time.monotonic()
-        self._first = steps if self._first is None else self._first
-        if now - self._last > SILENCE_S:
+        if self._first is None:
+            self._first, self._start, self._last = steps, now, now
+            _note_rounding(self._config)
+            before = f", after {self._count.before} of a reference driver" if self._count.before else ""
+            note(f"training: {self._count.total} steps{before}")
+        elif now - self._last > SILENCE_S:
             rate = (steps - self._first) / (now - self._start)
             self._say(f"{self._count.of(steps)}, {rate:.0f}/s")
 
@@ -226,17 +225,21 @@ class TrainLines:
 
 
 class TrainBar:
-    """A bar that shows how far training is and how it goes."""
+    """A bar that shows how far training is and how it goes, once it has begun."""
 
     def __init__(self, config: TrainConfig) -> None:
+        self._config = config
         self._progress, self._count = progress_bar(), _Count(config)
         self._id = self._progress.add_task("starting", total=self._count.total)
-        self._seeding = True
-        self._progress.start()
+        self._begun, self._seeding = False, True
 
     def advance(self, steps: int) -> None:
-        """Move the bar; while the reference driver drives, say so."""
-        if steps < self._count.before:
+        """Show the bar, the first time; then move it. While the reference driver drives, say so."""
+        if not self._begun:
+            self._begun = True
+            _note_rounding(self._config)
+            self._progress.start()
+        elif steps < self._count.before:
             self._progress.update(self._id, description=self._count.of(steps))
         elif self._seeding:
             self._seeding = False
@@ -253,7 +256,8 @@ class TrainBar:
 
     def close(self) -> None:
         """Take it away."""
-        self._progress.stop()
+        if self._begun:  # else it would leave an empty line
+            self._progress.stop()
 
 
 class Reported:
@@ -264,20 +268,15 @@ class Reported:
 
         self._inner, self._page, self._begun = inner, LivePage(folder), False
 
-    def begin(self) -> None:
-        """Say where the page is, once: the folder is that of this training."""
+    def advance(self, steps: int) -> None:
+        """Say how far it is; the first time, where the page is."""
+        self._inner.advance(steps)
         if not self._begun:
             self._begun = True
             self._inner.note(f"live page: {self._page.path}")
 
-    def advance(self, steps: int) -> None:
-        """Say how far it is."""
-        self.begin()
-        self._inner.advance(steps)
-
     def progress(self, row: Mapping[str, Any]) -> None:
         """The row in short, and in the page."""
-        self.begin()
         self._inner.progress(row)
         self._page.refresh()
 

@@ -8,7 +8,7 @@ here, and their corrections in rudc/agents/of_actions.py, so that driving needs 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,13 +54,21 @@ class Algorithm:
         """Class of the learner's settings. Raises InputError if they offer `sigma` without being an
         `EnsembleConfig`, since nothing can then read it off the critics.
         """
-        found = found_at(self.settings) if isinstance(self.settings, str) else self.settings
+        found = self.settings
+        if isinstance(found, str):
+            found = found_at(found, f"settings {found}")
         if "sigma" in found.offers and not issubclass(found, EnsembleConfig):
             raise InputError(
                 f"{found.__name__} offers sigma, which only critics by EnsembleConfig (rudc.learning.config) "
                 "state: derive it from that, or leave sigma out of `offers`"
             )
         return found
+
+    def kind(self, name: str) -> Callable[[LearnerConfig, Problem, str], Learner]:
+        """Class of the learner. Imports torch. Raises InputError if there is none; `name`: that of the
+        algorithm, for messages.
+        """
+        return found_at(self.learner, f"learner of algorithm {name}")
 
     def make(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> Learner:
         """A new learner. Imports torch."""

@@ -51,8 +51,11 @@ class Statistics:
 class Learner(Protocol):
     """Learns from batches; the same problem, settings and batches give the same numbers."""
 
-    statistics: ClassVar[type[Statistics]]
-    """what `update` gives"""
+    @property
+    def statistics(self) -> type[Statistics]:
+        """What `update` gives."""
+        ...
+
     masks: tuple[int, float]
     """critics with masks of their own, and the chance that each of them learns from a transition"""
 

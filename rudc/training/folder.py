@@ -20,13 +20,14 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from rudc.errors import InputError
-from rudc.files import make_folder, take_lock, write_atomically
+from rudc.files import aside_of, make_folder, take_lock, write_atomically
 from rudc.hints import listed
 from rudc.imports import plugins, sources_digests
 from rudc.learning.checkpoint import DESCRIPTION, SECTIONS
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.settings import problems
 from rudc.training.config import TrainConfig
+from rudc.training.log import read_log
 
 CONFIG, SCENARIOS, CODE = "config.json", "scenarios.json", "code.json"
 
@@ -98,6 +99,22 @@ def check_folder(config: TrainConfig, folder: Path, sources: Sources, *, resume:
             f"{folder}: code that is not RUDC's is not what it was when the training began: {listed(other)}. "
             "To resume it, name the same files, unchanged, by --import, and install the same packages; or "
             "train anew in another folder"
+        )
+
+
+def refuse_lost(folder: Path, missing: Path, before: int) -> None:
+    """Raise InputError if a folder without the file `missing` holds a checkpoint, or rows of steps later than
+    `before`, the last ones that are written before a checkpoint: to begin anew would overwrite them.
+    """
+    checkpoints = [missing.parent, aside_of(missing.parent)]
+    left = [place.name for place in checkpoints if os.path.lexists(place)]
+    for path in (folder / "progress.csv", folder / "evaluation.csv"):
+        if path.is_file() and any(int(row["steps"]) > before for row in read_log(path)):
+            left.append(path.name)
+    if left:
+        raise InputError(
+            f"{missing} is missing, so the training cannot go on; beginning anew would overwrite what there "
+            f"is of it ({listed(left)}). Put the file back, or train anew in another folder"
         )
 
 

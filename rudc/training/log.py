@@ -49,7 +49,8 @@ class Watcher(Protocol):
         ...
 
     def advance(self, steps: int) -> None:
-        """`steps` decisions were taken in all."""
+        """`steps` decisions were taken in all; told once before the first round, too, when the folder is
+        known to be the training's."""
         ...
 
     def note(self, text: str) -> None:

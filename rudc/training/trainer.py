@@ -26,6 +26,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +36,14 @@ import torch
 from rudc.agents.checkpoint import LATEST, Learnt, save_learnt
 from rudc.arrays import Arrays
 from rudc.env.outcome import Outcome
-from rudc.errors import AgentError, InputError, TrainingError
+from rudc.errors import AgentError, InputError, PartFailedError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
 from rudc.files import aside_of, replace_folder, write_atomically
 from rudc.hints import listed
+from rudc.imports import is_own
 from rudc.learning.checkpoint import load_state, save_state
-from rudc.learning.learner import Statistics
+from rudc.learning.guarded import GuardedLearner
+from rudc.learning.learner import Learner, Statistics
 from rudc.learning.nstep import Transition
 from rudc.learning.parameters import group, grouped
 from rudc.learning.products import widest_products
@@ -51,7 +54,16 @@ from rudc.training.calibration import Measured, calibration_tasks, measured
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED, held_out, make_mixture
-from rudc.training.folder import CONFIG, check_folder, held, keep_inputs, otherwise, sources_now, with_files
+from rudc.training.folder import (
+    CONFIG,
+    check_folder,
+    held,
+    keep_inputs,
+    otherwise,
+    refuse_lost,
+    sources_now,
+    with_files,
+)
 from rudc.training.log import Log, Watcher, episode_columns, evaluation_rows
 from rudc.training.workers import WorkerPool
 
@@ -77,13 +89,13 @@ class Trainer:
             torch.zeros(1, device=device).item()
         except (RuntimeError, AssertionError) as error:
             raise InputError(f"device {device!r} cannot be used: {error}") from error
-        self._learner = config.entry.make(config.learner, config.given, device)
+        self._round = 0
+        self._learner = self._make_learner()
         self._replay = Replay(config.given, config.training.replay_size, *self._learner.masks)
         self._statistics = [field.name for field in fields(self._learner.statistics)]
         self._taken_along = config.correction.arrays(config.action)
         self._sigmas = RunningPercentiles()
         self._calibrated: Measured | None = None
-        self._round = 0
         self._finished: list[Finished] = []
         self._drawn = self._left_out = 0
         self._losses: list[Statistics] = []
@@ -101,6 +113,7 @@ class Trainer:
         checkpoint is kept.
         """
         self._since = time.monotonic()
+        self._watcher.advance(self._round * self._config.round_steps)
         if self._round >= self._config.rounds:
             return True
         self._log = Log(self._folder, self.steps, self._statistics)
@@ -118,6 +131,18 @@ class Trainer:
         if not ended:
             self._watcher.note(f"interrupted; {self._kept()}")
         return ended
+
+    # ---- its learner
+
+    def _make_learner(self) -> Learner:
+        config = self._config
+        kind = config.entry.kind(config.algorithm)
+        make = partial(kind, config.learner, config.given, config.training.device)
+        return GuardedLearner(make, config.algorithm, self._where) if is_own(kind) else make()
+
+    def _where(self, what: str) -> str:
+        """What went wrong in a learner that is not RUDC's: at which step, and how to go on."""
+        return f"at step {self.steps}: {what}; {self._kept()}; --resume is for unchanged code"
 
     # ---- a round
 
@@ -292,6 +317,9 @@ class Trainer:
     def _restore(self) -> None:
         source = next((f for f in (self._latest, aside_of(self._latest)) if (f / COUNTERS).is_file()), None)
         if source is None:
+            first = next(k for k in range(1, self._config.rounds + 1) if self._breaks(k))
+            before = max(first - self._config.seed_rounds, 0) * self._config.round_steps
+            refuse_lost(self._folder, self._latest / COUNTERS, before)
             return
         try:
             self._refuse_other(source)
@@ -301,7 +329,7 @@ class Trainer:
             self._learner.load(group(state, "learner"))
             self._replay.load(source / REPLAY)
             self._sigmas.load(group(state, "sigma"))
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, PartFailedError) as error:
             raise AgentError(f"{source}: training cannot be resumed from it: {error}") from error
 
     def _refuse_other(self, checkpoint: Path) -> None:
@@ -348,8 +376,9 @@ def _told_to_end() -> list[signal.Signals]:
 
 def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool = False) -> bool:
     """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds something else, or if
-    there is nothing to train on.
+    there is nothing to train on, or no such learner.
     """
+    config.entry.kind(config.algorithm)
     sources = sources_now(config, folder)
     driven = with_files(config, sources)
     make_mixture(driven.training.scenario, driven.training.curriculum)

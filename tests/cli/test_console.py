@@ -118,17 +118,25 @@ def test_where_further_failures_stand_is_said(rudc, tmp_path, command, where):
     assert [line for line in answer.err.splitlines() if line.startswith("failed: more")] == [where]
 
 
+def _training(seed_rounds):
+    """What the watchers look at of a training of 10 rounds of 100 decisions."""
+    asked = SimpleNamespace(steps=1000 - 100 * seed_rounds)
+    return SimpleNamespace(rounds=10, round_steps=100, seed_rounds=seed_rounds, training=asked)
+
+
 def test_training_speaks_off_a_terminal(capsys, monkeypatch):
-    config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=2)
+    config = _training(seed_rounds=2)
     now = [0.0]
     monkeypatch.setattr("rudc.cli.train.time", SimpleNamespace(monotonic=lambda: now[0]))
     lines = TrainLines(config)  # pyright: ignore[reportArgumentType]
+    assert capsys.readouterr().err == ""
+    lines.advance(0)
     assert capsys.readouterr().err == "training: 800 steps, after 200 of a reference driver\n"
     lines.advance(100)
     assert capsys.readouterr().err == ""
     now[0] = SILENCE_S + 10.0
-    lines.advance(300)
-    assert capsys.readouterr().err == "100/800 steps, 5/s\n"
+    lines.advance(200)
+    assert capsys.readouterr().err == "0/800 steps, 5/s\n"
     lines.advance(400)
     assert capsys.readouterr().err == ""
     lines.progress({"steps": 200, "episodes": 0, "wall_s": 80.0})
@@ -136,15 +144,17 @@ def test_training_speaks_off_a_terminal(capsys, monkeypatch):
 
 
 def test_the_reference_drivers_steps_are_counted_apart(capsys, monkeypatch):
-    config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=2)
+    config = _training(seed_rounds=2)
     now = [0.0]
     monkeypatch.setattr("rudc.cli.train.time", SimpleNamespace(monotonic=lambda: now[0]))
     lines = TrainLines(config)  # pyright: ignore[reportArgumentType]
+    lines.advance(0)
     now[0] = SILENCE_S + 10.0
     lines.advance(100)
     assert "\n100/200 steps of the reference driver, " in capsys.readouterr().err
     bar = TrainBar(config)  # pyright: ignore[reportArgumentType]
     task = bar._progress.tasks[0]
+    bar.advance(0)
     bar.advance(100)
     assert (task.completed, task.total, task.description) == (0, 800, "100/200 steps of the reference driver")
     bar.advance(300)
@@ -158,10 +168,11 @@ def test_the_reference_drivers_steps_are_counted_apart(capsys, monkeypatch):
 @pytest.mark.parametrize("seed_rounds", [0, 2])
 def test_a_training_that_goes_on_is_not_starting(seed_rounds):
     """Its first round ends beyond the reference driver's steps: without one, and resumed after it."""
-    config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=seed_rounds)
+    config = _training(seed_rounds)
     bar = TrainBar(config)  # pyright: ignore[reportArgumentType]
     task = bar._progress.tasks[0]
-    assert task.description == "starting"
+    bar.advance(200)
+    assert (task.completed, task.description) == (200 - 100 * seed_rounds, "starting")
     bar.advance(300)
     assert task.description == ""
     bar.close()

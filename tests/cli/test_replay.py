@@ -65,6 +65,16 @@ class Fails:
 """
 
 
+SLOW = """
+class Slow:
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        return -0.1, 0.0
+"""
+
+
 def test_what_came_before_an_agent_failed_is_shown(rudc, tmp_path):
     (tmp_path / "fails.py").write_text(FAILS)
     rudc("sweep", "random_destination", "-a", "fails.py:Fails", "-n", 2, "-w", 1, "-o", "failed")
@@ -131,6 +141,17 @@ def test_an_episode_that_comes_out_otherwise_says_so(rudc, swept, tmp_path):
     assert answer.status == 1
     assert "came out differently from row 1 of swept/episodes.csv: steps: 7 then, " in answer.err
     assert "came out differently" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_what_has_changed_is_said_once(rudc, tmp_path):
+    (tmp_path / "slow.py").write_text(SLOW)
+    short = ("-n", 1, "-w", 1, "--set", "episode.timeout=1", "-o", "out")
+    assert rudc("sweep", "random_destination", "-a", "slow.py:Slow", *short).status == 0
+    (tmp_path / "slow.py").write_text(SLOW.replace("-0.1", "-2.0"))
+    answer = rudc("replay", "out", "--episode", 1, "--out", "page.html")
+    assert answer.status == 1
+    assert " (what differs here: the source of the agent slow.py:Slow has changed since)\n" in answer.err
+    assert answer.err.count("since") == 1
 
 
 @pytest.mark.parametrize("folder", ["nowhere", "."])

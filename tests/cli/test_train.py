@@ -16,6 +16,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[TrainConfig, Path, bool
 
     def run(config: TrainConfig, folder: Path, watcher: Any, *, resume: bool) -> bool:
         seen.append((config, folder, resume))
+        watcher.advance(0)
         watcher.progress({"steps": 10, "episodes": 4, "success": 0.5, "episode_reward": 61.7, "wall_s": 3.2})
         watcher.note("a note")
         folder.mkdir(exist_ok=True)
@@ -105,13 +106,15 @@ def test_a_report_is_kept_once_the_training_has_begun(rudc, calls, tmp_path):
     assert answer.err.index("live page") < answer.err.index("a note")
 
 
-def test_a_folder_that_is_refused_gets_no_report(rudc, tmp_path):
+@pytest.mark.parametrize("bars", [False, True])
+def test_of_a_folder_that_is_refused_nothing_else_is_said(rudc, tmp_path, monkeypatch, bars):
+    """No report either; steps 1 would be rounded."""
+    monkeypatch.setattr("rudc.cli.train.shows_bars", lambda: bars)
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "episodes.csv").write_text("")
-    answer = rudc("train", "sac", "--out", "x", "--report")
+    answer = rudc("train", "sac", "--steps", 1, "--out", "x", "--report")
     assert answer.status == 2
-    assert "x is not empty (episodes.csv)" in answer.err
-    assert "page" not in answer.err
+    assert answer.err.startswith("error: x is not empty (episodes.csv)")
     assert [path.name for path in (tmp_path / "x").iterdir()] == ["episodes.csv"]
 
 

@@ -6,7 +6,7 @@ import csv
 import os
 import sys
 
-from tests.blocks import run_apart
+from tests.blocks import answers_apart, run_apart
 from tests.offering import offer
 
 OWN = """
@@ -86,3 +86,74 @@ def test_algorithms_of_somebody_else_train_and_drive(tmp_path):
         steps = {row["agent"]: int(row["interventions"]) for row in csv.DictReader(file)}
     assert steps["calm"] > steps["calm:correction.kind=none"]
     assert steps["mild"] > steps["mild:correction.kind=none"]
+
+
+FAILS = """
+from rudc import register_algorithm
+from rudc.learning.algorithms import Algorithm
+from rudc.learning.config import LearnerConfig
+
+PLACES = {
+    "raises": "fails:Raises", "answers": "fails:Answers", "unmade": "fails:Unmade", "misspelt": "fails:Raise",
+    "missing": "failz:Raises", "broken": "breaks:Raises", "vague": "fails",
+}
+for name, place in PLACES.items():
+    register_algorithm(name, Algorithm("Mine.", place, LearnerConfig))
+register_algorithm("unsettled", Algorithm("Mine.", "fails:Raises", "fails:Settings"))
+"""
+LEARNERS = """
+from rudc.learning.sac import SacLearner
+
+
+class Raises(SacLearner):
+    def update(self, batch):
+        if self.updates == 13:
+            raise KeyError("gain")
+        return super().update(batch)
+
+
+class Answers(SacLearner):
+    def update(self, batch):
+        super().update(batch)
+
+
+class Unmade(SacLearner):
+    def __init__(self, config, problem, device):
+        raise ValueError("no such network")
+"""
+
+
+def test_what_is_wrong_with_a_learner_of_somebody_elses_is_said_in_a_line(tmp_path):
+    """One that is not there is refused before there is a folder."""
+    files = {"own.py": FAILS, "fails.py": LEARNERS, "breaks.py": "import nowhere\n"}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    settings = [part for change in SMALL[:-1] for part in ("--set", change)]
+    on = "; --resume is for unchanged code"
+    wanted = {
+        "misspelt": (2, "the module fails has no 'Raise' (did you mean 'Raises'?)"),
+        "missing": (2, "there is no module 'failz'"),
+        "vague": (2, "'fails' is no place `module:Class`"),
+        "broken": (2, "breaks cannot be imported: "
+                      "ModuleNotFoundError: No module named 'nowhere' (breaks.py:1)"),
+        "unmade": (1, "__init__ raised ValueError: no such network (fails.py:19)"),
+        "answers": (1, "update answered None; expected a `Statistics` of numbers; "
+                       f"there is no checkpoint yet, so --resume begins anew{on}"),
+        "raises": (1, "update raised KeyError: 'gain' (fails.py:8); "
+                      f"the last checkpoint is kept in raises/checkpoint{on}"),
+        "unsettled": (2, "the module fails has no 'Settings'"),
+    }  # fmt: skip
+    who = {name: f"learner of algorithm {name}" for name in wanted} | {
+        "answers": "learner of algorithm answers at step 0",
+        "raises": "learner of algorithm raises at step 25",
+        "unsettled": "settings fails:Settings",
+    }
+    answers = answers_apart(
+        *(("--import", "own.py", "train", name, *settings, "--out", name) for name in wanted),
+        folder=tmp_path, PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]),
+    )  # fmt: skip
+    said = {name: (a.status, a.err.splitlines()[-1]) for name, a in zip(wanted, answers, strict=True)}
+    assert said == {name: (status, f"error: {who[name]}: {line}") for name, (status, line) in wanted.items()}
+    assert not any("Traceback" in answer.err for answer in answers)
+    assert not any((tmp_path / name).exists() for name, (status, _) in wanted.items() if status == 2)
+    assert (tmp_path / "raises/checkpoint/training.json").exists()

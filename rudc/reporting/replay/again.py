@@ -75,5 +75,5 @@ def _check(folder: Path, number: int, other: Sequence[str], changes: Sequence[st
     row = f"row {number} of {folder.resolve().name}/episodes.csv"
     if not other:
         return f"came out the same as {row}"
-    since = f" (since then: {', '.join(changes)})" if changes else ""
-    return f"came out differently from {row}: {'; '.join(other)}{since}"
+    why = f" (what differs here: {'; '.join(changes)})" if changes else ""
+    return f"came out differently from {row}: {'; '.join(other)}{why}"
