@@ -144,7 +144,8 @@ def _config(
     if other == ["training.steps"]:
         raise InputError(
             f"{out} holds a training of {stored.training.steps} steps: resume it as it is (without --steps), "
-            "or train anew in another folder"
+            "or train anew in another folder; its learning rates fall over all its steps, so a longer one is "
+            "another training from the first step on"
         )
     if other:
         raise InputError(f"{out} holds a training with another {', '.join(other)}: resume it as it is")

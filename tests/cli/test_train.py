@@ -39,6 +39,7 @@ def test_any_value_of_the_configuration_can_be_set(rudc, calls):
     assert "holds a training with another learner.n_step: resume it as it is" in again.err
     longer = rudc("train", "--steps", 3000, "--out", "x", "--resume")
     assert "holds a training of 2000 steps: resume it as it is (without --steps)" in longer.err
+    assert "learning rates fall over all its steps" in longer.err
     assert rudc("train", "rudc-e", "--configuration", "paper", "--out", "y").status == 0
     assert calls[-1][0] == TrainConfig.of("rudc-e", preset="paper")
 
