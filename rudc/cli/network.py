@@ -159,9 +159,11 @@ def build(
 
     **Example**: `rudc network build my_networks/ring`
     """
-    from rudc.network.build import build_network, lost_edges
+    from rudc.network.build import build_network, lost_edges, unused_signs
 
     built = build_network(folder, out)
+    for sign in unused_signs(folder):
+        warn(f"warning: {sign}; `rudc network check` says what has come out")
     for edge in lost_edges(folder, built):
         warn(f"warning: netconvert left out edge {edge} of the sources; look at its numbers, such as `speed`")
     typer.echo(built)

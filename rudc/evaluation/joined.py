@@ -80,10 +80,9 @@ def _each_once(
                 for k in map(int, places[np.isin(found, again)]):
                     episode = f"{block['scenario'][k]}, {block['agent'][k]}, seed {block['seed'][k]}"
                     there.setdefault(episode, []).append(block[FOLDER][k])
-            episode, named = next(iter(there.items()))
-            raise SweepError(
-                f"the episode {episode} is in {' and '.join(named)}; give one of them, or --by {FOLDER},..."
-            )
+            episode, folders = next(iter(there.items()))
+            named = " and ".join(dict.fromkeys(folders))
+            raise SweepError(f"the episode {episode} is in {named}; give one of them, or --by {FOLDER},...")
 
     return checked
 

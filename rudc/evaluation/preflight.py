@@ -13,6 +13,7 @@ import numpy as np
 
 from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
+from rudc.network.check import against_lane
 from rudc.network.network import load_network
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_IN, EGO_OUT
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 COUNTED = "simulation_time", "event_state"
 """conditions on a time that goes on by DECISION_S from one decision to the next"""
 DECISION_S = WorldConfig().decision_s
+SHARP = math.radians(120)
+"""a turn sharper than this may lead over lanes of the opposite direction"""
 IN_THE_WAY = (
     "accident",
     "stalled_vehicle",
@@ -300,6 +303,13 @@ def _out_of_reach(scenario: Scenario) -> Iterator[str]:
         )
 
 
+def _too_sharp(scenario: Scenario) -> Iterator[str]:
+    network, movements = _roads(scenario)
+    for m in () if scenario.ego.may_cross_centre else movements:
+        if abs(m.angle) > SHARP and (said := against_lane(network, network.route(m.origin, m.destination))):
+            yield said
+
+
 def _nowhere(scenario: Scenario) -> Iterator[str]:
     network, traffic = load_network(scenario.network, scenario.junction), scenario.traffic
     refused = frozenset.intersection(*(network.refused[m.origin, m.destination] for m in network.onward))
@@ -348,6 +358,7 @@ def _unpaused(scenario: Scenario) -> Iterator[str]:
 
 _FINDERS = (
     _in_vain, _nobody, _never_comes, _too_fast, _out_of_reach, _nowhere, _beyond, _unpaused, _unused,
+    _too_sharp,
 )  # fmt: skip
 
 

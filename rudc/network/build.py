@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 from rudc.errors import NetworkError
 from rudc.files import check_place, make_folder_of, write_atomically
-from rudc.hints import install_command
+from rudc.hints import install_command, listed
 
 SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
 """files that a network needs, with netconvert's option for each"""
@@ -23,6 +23,13 @@ MORE_SOURCES = {".con.xml": "--connection-files", ".typ.xml": "--type-files", ".
 """files that a network may have besides, with netconvert's option for each"""
 OSM = ".osm"
 """ending of an OpenStreetMap file"""
+SIGNS = {
+    "traffic_signals": "lights are taken away, and the junction has none",
+    "stop": "who goes first is netconvert's guess from the types of the roads",
+    "give_way": "who goes first is netconvert's guess from the types of the roads",
+    "mini_roundabout": "it becomes a plain junction",
+}
+"""`highway=...` of a map's nodes -> what becomes of it"""
 PLAIN_OPTIONS = ("--offset.disable-normalization",)  # coordinates stay those of the sources
 OSM_OPTIONS = (
     "--keep-edges.by-vclass=passenger",
@@ -63,6 +70,22 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
     make_folder_of(target)
     write_atomically(target, text)
     return target
+
+
+def unused_signs(folder: str | Path) -> list[str]:
+    """What a map's nodes say of right of way and is not used: a text for each kind; plain sources: none."""
+    nodes = {sign: list[str]() for sign in SIGNS}
+    for file in () if list(Path(folder).glob("*.nod.xml")) else Path(folder).glob(f"*{OSM}"):
+        for _, element in ElementTree.iterparse(file):
+            if element.tag == "node":
+                tags = {tag.get("k"): tag.get("v") for tag in element.iter("tag")}
+                nodes.get(tags.get("highway") or "", []).append(element.get("id", "?"))
+                element.clear()
+    return [
+        f"{sign} at {listed([f'node {number}' for number in ids])}: {SIGNS[sign]}"
+        for sign, ids in nodes.items()
+        if ids
+    ]
 
 
 def lost_edges(folder: str | Path, built: Path) -> list[str]:

@@ -257,10 +257,26 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
     room = room_on_road(network, route.path, network.vehicle)
     if room.min() < 0.0:
         yield f"{way} leaves the road with a corner of the car {_place(network, route, int(room.argmin()))}"
+    if (against := against_lane(network, route)) is not None:
+        yield against
     edges, last = network.arm(route.destination).out_edges, network.paths.lane_ids[route.row][-1]
     left = route.length - route.exit_s
     if network.lanes[last].edge != edges[-1] and left < SHORT_WAY:
         yield f"{way} ends with its lane {left:.0f} m beyond the junction; it arrives there at the latest"
+
+
+def against_lane(network: Network, route: Route) -> str | None:
+    """A warning where a route's path lies in a lane of the opposite direction, so that whoever follows it
+    drives the wrong way (rudc/world/borders.py)."""
+    ways = np.array([network.surface.direction(x, y) for x, y in route.path.xy.tolist()])
+    wrong = np.flatnonzero(np.cos(route.path.heading - ways) < 0.0)  # nan, where there is none, is not
+    if not len(wrong):
+        return None
+    return (
+        f"the ego's path from {route.origin} to {route.destination} lies in a lane of the opposite direction "
+        f"{_place(network, route, int(wrong[0]))}: an episode ends there as `wrong_way`, since the car "
+        "cannot turn so sharply; make the angle wider, or allow it by `ego.may_cross_centre: true`"
+    )
 
 
 def _place(network: Network, route: Route, k: int) -> str:

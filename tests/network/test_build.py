@@ -5,15 +5,18 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from rudc.cli.commands import app
 from rudc.data import data_folder
 from rudc.errors import NetworkError
+from rudc.evaluation.preflight import never_happening
 from rudc.network import build as network_build
 from rudc.network.build import build_network, find_program, lost_edges
 from rudc.network.check import check_network
 from rudc.network.network import load_network, shipped_networks
+from rudc.scenario import load_scenario
 
 
 def built_by() -> str:
@@ -134,3 +137,61 @@ def test_a_lane_that_leads_only_round_a_ring_is_named_with_what_helps(tmp_path):
     (told,) = (w for w in check_network(build_network(folder), "RE").warnings if "nowhere" in w)
     assert told.startswith("lane west_in_1 leads nowhere")
     assert "do not change lanes on a ring" in told
+
+
+MAP = """<osm version="0.6">
+<node id="1" lat="0.0" lon="0.0"/><node id="2" lat="0.001" lon="0.0"/>
+<node id="3" lat="0.0" lon="0.001"/><node id="4" lat="0.0" lon="-0.001"/>
+<node id="5" lat="0.0003" lon="0.0"><tag k="highway" v="{sign}"/></node>
+{ways}
+</osm>"""
+WAYS = "".join(
+    f'<way id="{k}"><nd ref="{a}"/><nd ref="{b}"/><tag k="highway" v="tertiary"/></way>'
+    for k, (a, b) in enumerate([(2, 5), (5, 1), (1, 3), (1, 4)], 10)
+)
+
+
+@needs_netconvert
+@pytest.mark.parametrize(
+    ("sign", "said"),
+    [
+        ("traffic_signals", "traffic_signals at node 5: lights are taken away"),
+        ("stop", "stop at node 5: who goes first is netconvert's guess"),
+        ("crossing", None),
+    ],
+)
+def test_signs_of_a_map_that_are_not_used_are_named(tmp_path, sign, said):
+    """A crossroads with lights became one without, and nothing was said."""
+    (tmp_path / "own.osm").write_text(MAP.format(sign=sign, ways=WAYS))
+    told = CliRunner().invoke(app, ["network", "build", str(tmp_path)])
+    assert told.exit_code == 0
+    assert ("warning" in told.stderr) == (said is not None)
+    assert (said or "") in told.stderr
+
+
+@needs_netconvert
+@pytest.mark.parametrize(("y", "sharp"), [(-60, True), (-130, False)])
+def test_a_turn_so_sharp_that_it_leads_over_the_oncoming_lane_is_named(tmp_path, y, sharp):
+    """Whoever followed its path there drove the wrong way, and all agents were charged with a violation."""
+    ends = {"e": (150, 0), "w": (-150, 0), "d": (130, y)}
+    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in ends.items())
+    (tmp_path / "own.nod.xml").write_text(f'<nodes><node id="C" x="0" y="0" type="priority"/>{nodes}</nodes>')
+    ways = [
+        (f"{name}_{way}", *pair) for name in ends for way, pair in (("in", (name, "C")), ("out", ("C", name)))
+    ]
+    edges = "".join(
+        f'<edge id="{name}" from="{a}" to="{b}" priority="{1 if "d" in name else 3}" speed="13.9"/>'
+        for name, a, b in ways
+    )
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{edges}</edges>")
+    built = build_network(tmp_path)
+    told = [text for text in check_network(str(built)).warnings if "opposite direction" in text]
+    route = "from southeast to east" if sharp else ""
+    assert [route in text for text in told] == [True] * sharp
+    turn = {"from": "southeast", "turn": "right"}
+    file = tmp_path / "own.yaml"
+    for over, expected in ((False, sharp), (True, False)):
+        ego = {"route": turn, "may_cross_centre": over}
+        file.write_text(yaml.safe_dump({"name": "own", "network": str(built), "ego": ego}))
+        found = [text for text in never_happening(load_scenario(file)) if "opposite direction" in text]
+        assert len(found) == expected
