@@ -81,23 +81,27 @@ def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
         elif isinstance(node, ast.Constant) and (place := _PLACE.fullmatch(str(node.value))):
             names = [(root, place["module"])]
         elif isinstance(node, ast.Call) and (dotted := _imported_in_call(node)):
-            names = [(root, dotted)]
+            level = len(dotted) - len(dotted.lstrip("."))
+            names = [
+                (file.parents[level - 1] if 0 < level <= len(file.parents) else root, dotted.lstrip("."))
+            ]
         else:
             continue
         for base, dotted in names:
-            parts = dotted.split(".")
+            parts = [part[:200] for part in dotted.split(".")]  # a name of a file can be no longer than 255
             for k in range(1, len(parts) + 1):
                 place = base.joinpath(*parts[:k])
                 yield from (one for one in (place.with_suffix(".py"), place / "__init__.py") if one.is_file())
 
 
 def _imported_in_call(call: ast.Call) -> str | None:
-    """NAME of `importlib.import_module("NAME")`, however it is spelt; None for any other call."""
+    """NAME of a call `import_module("NAME", ...)` or `__import__("NAME")`, with its leading dots, or None."""
     called = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
-    first = call.args[0] if call.args else None
+    named = [keyword.value for keyword in call.keywords if keyword.arg == "name"]
+    first = next(iter([*call.args[:1], *named]), None)
     if called not in ("import_module", "__import__") or not isinstance(first, ast.Constant):
         return None
-    return first.value if isinstance(first.value, str) and not first.value.startswith(".") else None
+    return first.value if isinstance(first.value, str) else None
 
 
 def refuse_taken(path: Path) -> None:

@@ -69,11 +69,15 @@ def test_what_is_named_in_a_string_counts_as_imported(tmp_path):
     write(
         tmp_path,
         one='from importlib import import_module\nENTRY = {"learner": "two:Mine", "other": "three: no"}\n'
-        'def late():\n    return import_module("kit.four"), __import__("five"), import_module(f"{six}")\n',
+        'def late():\n    return import_module("kit.four"), __import__("five"), import_module(f"{six}")\n'
+        'LONG = "' + "x" * 300 + ':B"\n',
         two='CORRECTIONS = {"mine": "seven:Brake"}\n',
-        three="", five="", six="", seven="", kit__four="",
+        three="", five="", six="", seven="", kit__nine="",
+        kit__four='import importlib\nimportlib.import_module(".nine", __package__)\n'
+        'importlib.import_module(name="kit.ten")\n',
+        kit__ten="",
     )  # fmt: skip
-    found = {"one.py", "two.py", "seven.py", "kit/four.py", "five.py"}
+    found = {"one.py", "two.py", "seven.py", "kit/four.py", "kit/nine.py", "kit/ten.py", "five.py"}
     assert set(code_beside(tmp_path / "one.py")) == found
 
 

@@ -160,7 +160,7 @@ def _draw_badge(canvas: Canvas, place: Array, text: str, *, there: bool = True) 
 
 
 def draw_marks(canvas: Canvas, events: Iterable[ShownEvent]) -> None:
-    """The numbers of events at the places that they mark; where two would overlap, in one badge."""
+    """The numbers of events at the places they mark; in one badge where two of a colour would overlap."""
     marks: list[tuple[Array, bool, list[str]]] = []
     near = 2 * BADGE_PX * FINE / canvas.scale
     for event in events:

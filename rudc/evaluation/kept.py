@@ -36,8 +36,9 @@ def kept_plan(folder: Path, episodes: int | None = None, seed: int | None = None
     if "search" in told:
         raise SweepError(f"{folder} is the folder of a search: give the command of `rudc search` again")
     scenarios = KeptScenarios(folder, content)
-    for agent, said in told["agents"].items():
+    for agent, said in told["agents"].items():  # all, before any is imported
         _refuse_other_file(agent, said)
+    for agent in told["agents"]:
         try:
             kept_settings(agent)
         except InputError as error:

@@ -34,6 +34,13 @@ class GuardedLearner:
         self.inner = ask_own(self._who, None, "__init__", make)
         self.statistics = ask_own(self._who, None, "statistics", lambda: self.inner.statistics)
         self.masks = ask_own(self._who, None, "masks", lambda: self.inner.masks)
+        if not (isinstance(self.statistics, type) and issubclass(self.statistics, Statistics)):
+            raise PartFailedError(
+                f"{self._who}: its statistics is {shortened(self.statistics)}; expected a subclass of "
+                "`Statistics`"
+            )
+        if not (isinstance(self.masks, tuple) and len(self.masks) == 2):
+            raise PartFailedError(f"{self._who}: its masks is {shortened(self.masks)}; expected a pair")
 
     @property
     def updates(self) -> int:

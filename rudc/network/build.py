@@ -30,6 +30,8 @@ SIGNS = {
     "mini_roundabout": "it becomes a plain junction",
 }
 """`highway=...` of a map's nodes -> what becomes of it"""
+ON_FOOT = "footway", "cycleway", "path", "steps", "pedestrian", "bridleway", "corridor", "track"
+"""ways of a map that are left out, since no car drives on them"""
 PLAIN_OPTIONS = ("--offset.disable-normalization",)  # coordinates stay those of the sources
 OSM_OPTIONS = (
     "--keep-edges.by-vclass=passenger",
@@ -74,17 +76,21 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
 
 def unused_signs(folder: str | Path) -> list[str]:
     """What a map's nodes say of right of way and is not used: a text for each kind; plain sources: none."""
-    nodes = {sign: list[str]() for sign in SIGNS}
+    nodes, used = {sign: list[str]() for sign in SIGNS}, set[str | None]()
     for file in () if list(Path(folder).glob("*.nod.xml")) else Path(folder).glob(f"*{OSM}"):
         for _, element in ElementTree.iterparse(file):
+            if element.tag not in ("node", "way"):
+                continue
+            tags = {tag.get("k"): tag.get("v") for tag in element.iter("tag")}
             if element.tag == "node":
-                tags = {tag.get("k"): tag.get("v") for tag in element.iter("tag")}
                 nodes.get(tags.get("highway") or "", []).append(element.get("id", "?"))
-                element.clear()
+            elif tags.get("highway", "footway") not in ON_FOOT:
+                used |= {point.get("ref") for point in element.iter("nd")}
+            element.clear()
     return [
         f"{sign} at {listed([f'node {number}' for number in ids])}: {SIGNS[sign]}"
-        for sign, ids in nodes.items()
-        if ids
+        for sign, every in nodes.items()
+        if (ids := [number for number in every if number in used])
     ]
 
 

@@ -274,8 +274,8 @@ def against_lane(network: Network, route: Route) -> str | None:
         return None
     return (
         f"the ego's path from {route.origin} to {route.destination} lies in a lane of the opposite direction "
-        f"{_place(network, route, int(wrong[0]))}: an episode ends there as `wrong_way`, since the car "
-        "cannot turn so sharply; make the angle wider, or allow it by `ego.may_cross_centre: true`"
+        f"{_place(network, route, int(wrong[0]))}: an episode ends there as `wrong_way`, often "
+        "since the car cannot turn so sharply: a wider angle helps, or `ego.may_cross_centre: true`"
     )
 
 

@@ -340,7 +340,14 @@ def in_conflict(
 
 @kernel
 def all_sound(
-    position: Table, heading: Vector, velocity: Table, path_s: Vector, size: Table, path: Rows, rows: int
+    position: Table,
+    heading: Vector,
+    velocity: Table,
+    path_s: Vector,
+    acceleration: Vector,
+    size: Table,
+    path: Rows,
+    rows: int,
 ) -> bool:
     """Whether all numbers of the arrays are finite, all sizes above 0, and all of `path` (N,) from -1 to
     rows - 1.
@@ -349,6 +356,7 @@ def all_sound(
     for i in range(len(heading)):
         total += position[i, 0] * 0.0 + position[i, 1] * 0.0 + velocity[i, 0] * 0.0 + velocity[i, 1] * 0.0
         total += size[i, 0] * 0.0 + size[i, 1] * 0.0 + heading[i] * 0.0 + path_s[i] * 0.0
+        total += acceleration[i] * 0.0
         if not (size[i, 0] > 0.0 and size[i, 1] > 0.0 and -1 <= path[i] < rows):
             return False
     return total == 0.0

@@ -16,7 +16,11 @@ from rudc.safety.kernels import all_sound
 if TYPE_CHECKING:
     from rudc.world.scene import Scene
 
-PAIRS, NUMBERS, WHOLE = ("position", "velocity", "size"), ("heading", "path_s"), ("path", "kind")
+PAIRS, NUMBERS, WHOLE = (
+    ("position", "velocity", "size"),
+    ("heading", "path_s", "acceleration"),
+    ("path", "kind"),
+)
 """arrays of a scene that the filter reads: (N, 2) and (N,) of floats, (N,) of whole numbers"""
 
 
@@ -32,11 +36,12 @@ def refuse_unsound(scene: Scene) -> None:
     pairs, one = (count := len(scene.ids), 2), (count,)
     fits = (
         position.shape == velocity.shape == size.shape == pairs
-        and heading.shape == path_s.shape == path.shape == scene.kind.shape == one
-        and position.dtype == velocity.dtype == size.dtype == heading.dtype == path_s.dtype == np.float64
+        and heading.shape == path_s.shape == scene.acceleration.shape == path.shape == scene.kind.shape == one
+        and position.dtype == velocity.dtype == size.dtype == heading.dtype == np.float64
+        and path_s.dtype == scene.acceleration.dtype == np.float64
         and path.dtype == scene.kind.dtype == np.int64
     )
-    if fits and all_sound(position, heading, velocity, path_s, size, path, rows):
+    if fits and all_sound(position, heading, velocity, path_s, scene.acceleration, size, path, rows):
         return
     wanted = dict.fromkeys(PAIRS, (pairs, np.float64))
     wanted |= dict.fromkeys(NUMBERS, (one, np.float64)) | dict.fromkeys(WHOLE, (one, np.int64))

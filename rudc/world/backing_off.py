@@ -106,7 +106,9 @@ class BackingOff:
         while not _may_go_back(scene, queue[-1], self._s(scene, queue[-1]), step):
             behind = _right_behind(scene, queue[-1])
             together = {*self._back, *(scene.ids[k] for k in queue)}
-            if behind is None or len(together) >= QUEUE or not self._may_begin(scene, behind):
+            if behind is None or behind in queue or len(together) >= QUEUE:
+                return None
+            if not self._may_begin(scene, behind):
                 return None
             queue.append(behind)
         return queue[1:]
@@ -223,6 +225,7 @@ def _may_go_back(scene: Scene, i: int, s: float, step: float) -> bool:
 
     # In a bend SUMO puts it a few cm beside where its way has it, which may bring it nearer to somebody.
     x, y = scene.position[i].tolist()
-    now = np.minimum(gaps(x, y, float(scene.heading[i])), gaps(*_place(scene, i, s)))
+    now = gaps(x, y, float(scene.heading[i]))
+    least = np.minimum(np.minimum(now, gaps(*_place(scene, i, s))), CLEAR_M)
     then = gaps(*_place(scene, i, s - step))
-    return bool(((then >= np.minimum(now, CLEAR_M)) & ((then > 0.0) | (now == 0.0))).all())
+    return bool(((then >= least) & ((then > 0.0) | (now == 0.0))).all())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.env.episode import Episode, Outcome
-from rudc.errors import SimulationError
+from rudc.errors import InputError, SimulationError
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.world.fault import Collision
@@ -212,6 +212,10 @@ def test_a_decision_that_is_cut_off_ends_the_episode(monkeypatch, where):
     with World(load_network("four_way")) as world:
         episode = Episode(world)
         episode.reset(plan)
+        episode.step(U)
+        for wrong in (np.array([np.nan, 0.0]), np.zeros(3)):  # refused before anything moves
+            with pytest.raises(InputError, match="is not acceleration"):
+                episode.step(wrong)
         episode.step(U)
         with monkeypatch.context() as patched:
             patched.setattr(world, where, interrupted)

@@ -143,6 +143,8 @@ MAP = """<osm version="0.6">
 <node id="1" lat="0.0" lon="0.0"/><node id="2" lat="0.001" lon="0.0"/>
 <node id="3" lat="0.0" lon="0.001"/><node id="4" lat="0.0" lon="-0.001"/>
 <node id="5" lat="0.0003" lon="0.0"><tag k="highway" v="{sign}"/></node>
+<node id="6" lat="0.01" lon="0.0"><tag k="highway" v="{sign}"/></node><node id="7" lat="0.01" lon="0.01"/>
+<way id="1"><nd ref="6"/><nd ref="7"/><tag k="highway" v="footway"/></way>
 {ways}
 </osm>"""
 WAYS = "".join(

@@ -284,7 +284,7 @@ def test_refuses_what_is_not_finite(bad: float) -> None:
         filter.filter(scene, u, slack=bad)
     with pytest.raises(SolverError, match="rows are not finite for road:left:cg"):
         filter.filter(scene, u, residual=np.array([0.0, bad, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    for name in ("position", "velocity", "heading", "size", "path_s"):
+    for name in ("position", "velocity", "heading", "size", "path_s", "acceleration"):
         broken = np.array(getattr(scene, name), copy=True)
         broken.flat[-1] = bad
         with pytest.raises(SolverError, match=f"whose {name} is not finite"):

@@ -16,7 +16,9 @@ def wide(array):
     return np.column_stack([array, array])
 
 
-@pytest.mark.parametrize("name", ["position", "velocity", "size", "heading", "path_s", "path", "kind"])
+@pytest.mark.parametrize(
+    "name", ["position", "velocity", "size", "heading", "path_s", "acceleration", "path", "kind"]
+)
 @pytest.mark.parametrize(
     "change",
     [

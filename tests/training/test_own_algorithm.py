@@ -5,7 +5,13 @@ learner, which imports torch, in a file beside it.
 import csv
 import os
 import sys
+from types import SimpleNamespace
 
+import pytest
+
+from rudc.errors import PartFailedError
+from rudc.learning.guarded import GuardedLearner
+from rudc.learning.learner import Statistics
 from tests.blocks import answers_apart, run_apart
 from tests.offering import offer
 
@@ -157,3 +163,15 @@ def test_what_is_wrong_with_a_learner_of_somebody_elses_is_said_in_a_line(tmp_pa
     assert not any("Traceback" in answer.err for answer in answers)
     assert not any((tmp_path / name).exists() for name, (status, _) in wanted.items() if status == 2)
     assert (tmp_path / "raises/checkpoint/training.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("has", "told"),
+    [
+        ({"statistics": None, "masks": (0, 1.0)}, "its statistics is None; expected a subclass of"),
+        ({"statistics": Statistics, "masks": None}, "its masks is None; expected a pair"),
+    ],
+)
+def test_what_a_learner_declares_is_looked_at(has, told):
+    with pytest.raises(PartFailedError, match=f"learner of algorithm mine: {told}"):
+        GuardedLearner(lambda: SimpleNamespace(**has), "mine", str)  # pyright: ignore[reportArgumentType]

@@ -160,6 +160,28 @@ def test_who_stands_beside_where_its_way_has_it_goes_back_too(nose_to_nose):
     assert ahead @ [np.cos(scene.heading[0]), np.sin(scene.heading[0])] < 0.0
 
 
+def test_nobody_is_put_into_another_though_its_way_leads_there(nose_to_nose):
+    """SUMO has it beside the ego, its way has it in the ego."""
+    ways = np.arange(0.0, 4.0, 0.01)
+    into = next(way for way in ways if gap_to_ego(nose_to_nose(back=-way)) == 0.0)
+    scene = nose_to_nose(back=-into - 0.06)
+    away = np.array([scene.ego.x, scene.ego.y]) - scene.position[0]
+    shifted = replace(scene, position=scene.position - 0.15 * away / np.hypot(*away))
+    assert gap_to_ego(shifted) > 0.0
+    one, asked = backing()
+    one.step(shifted, 0.1 * DECISION_S)
+    assert asked.places == []
+
+
+def test_two_that_stand_rear_to_rear_wait_for_nobody(nose_to_nose, monkeypatch):
+    """Each stood right behind the other, and who goes first was looked for without end."""
+    monkeypatch.setattr(backing_off, "_right_behind", lambda _, i: 1 - i)
+    monkeypatch.setattr(backing_off, "_may_go_back", lambda *_: False)
+    one, _ = backing()
+    scene = nose_to_nose({"at": (200.0, 0.0, 0.0)})
+    assert one._who_first(scene, 0, 0.05) is None
+
+
 def test_it_waits_until_the_ego_is_gone_or_its_patience_ends_and_does_it_once(nose_to_nose):
     one, asked = backing()
     scene = nose_to_nose()
