@@ -10,14 +10,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from rudc.arrays import Array
 from rudc.env.distances import Distances, measure
 from rudc.env.outcome import Outcome
 from rudc.env.reward import reward_terms, step_cost
-from rudc.errors import InputError, SimulationError
+from rudc.errors import SimulationError
 from rudc.world.config import EgoDriver
+from rudc.world.ego import refuse_no_action
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -146,8 +145,7 @@ class Episode:
         before = self.truth
         if self._outcome is not None:
             raise SimulationError(f"the episode is over ({self._outcome}); call reset() to begin another")
-        if np.shape(u) != (2,) or np.isnan(u).any():
-            raise InputError(f"the action {u} is not acceleration (m/s2) and front-wheel angle (rad)")
+        refuse_no_action(u)
         self._cut_off = True  # whatever ends it from here on (Ctrl-C) leaves the world in mid-decision
         advance = self.world.advance(u)
         after = self.world.scene()

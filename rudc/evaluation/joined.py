@@ -80,8 +80,8 @@ def _each_once(
                 for k in map(int, places[np.isin(found, again)]):
                     episode = f"{block['scenario'][k]}, {block['agent'][k]}, seed {block['seed'][k]}"
                     there.setdefault(episode, []).append(block[FOLDER][k])
-            episode, folders = next(iter(there.items()))
-            named = " and ".join(dict.fromkeys(folders))
+            episode, found_in = next(iter(there.items()))
+            named = " and ".join(dict.fromkeys(found_in))
             raise SweepError(f"the episode {episode} is in {named}; give one of them, or --by {FOLDER},...")
 
     return checked

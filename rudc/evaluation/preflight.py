@@ -304,8 +304,10 @@ def _out_of_reach(scenario: Scenario) -> Iterator[str]:
 
 
 def _too_sharp(scenario: Scenario) -> Iterator[str]:
+    if scenario.ego.may_cross_centre:
+        return
     network, movements = _roads(scenario)
-    for m in () if scenario.ego.may_cross_centre else movements:
+    for m in movements:
         if abs(m.angle) > SHARP and (said := against_lane(network, network.route(m.origin, m.destination))):
             yield said
 

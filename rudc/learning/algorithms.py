@@ -70,10 +70,6 @@ class Algorithm:
         """
         return found_at(self.learner, f"learner of algorithm {name}")
 
-    def make(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> Learner:
-        """A new learner. Imports torch."""
-        return found_at(self.learner)(config, problem, device)
-
 
 ALGORITHMS = Registry[Algorithm]("rudc.algorithms")
 """name -> what it is"""

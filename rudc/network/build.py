@@ -76,8 +76,10 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
 
 def unused_signs(folder: str | Path) -> list[str]:
     """What a map's nodes say of right of way and is not used: a text for each kind; plain sources: none."""
+    if list(Path(folder).glob("*.nod.xml")):
+        return []
     nodes, used = {sign: list[str]() for sign in SIGNS}, set[str | None]()
-    for file in () if list(Path(folder).glob("*.nod.xml")) else Path(folder).glob(f"*{OSM}"):
+    for file in Path(folder).glob(f"*{OSM}"):
         for _, element in ElementTree.iterparse(file):
             if element.tag not in ("node", "way"):
                 continue

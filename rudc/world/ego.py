@@ -27,6 +27,10 @@ import math
 from collections import deque
 from dataclasses import replace
 
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.errors import InputError
 from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.kernels import on_an_arc, slip_of, widest, within_friction
 from rudc.world.scene import EgoState
@@ -53,6 +57,12 @@ def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
     vehicle's largest.
     """
     return widest(v, lateral, body.delta_max, body.wheelbase, body.cg_to_rear)
+
+
+def refuse_no_action(u: Array) -> None:
+    """Raise InputError unless u is two numbers, acceleration m/s2 and front-wheel angle rad."""
+    if np.shape(u) != (2,) or np.isnan(u).any():
+        raise InputError(f"the action {u} is not acceleration (m/s2) and front-wheel angle (rad)")
 
 
 def within_limits(body: EgoVehicle, a: float, delta: float) -> tuple[float, float]:

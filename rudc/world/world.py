@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.errors import InputError, SimulationError
+from rudc.errors import SimulationError
 from rudc.world.borders import Borders
 from rudc.world.brakes import Brakes
 from rudc.world.casting import cast
 from rudc.world.config import EgoDriver, WorldConfig
 from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
-from rudc.world.ego import EgoPlant, grip_of, realised, within_limits
+from rudc.world.ego import EgoPlant, grip_of, realised, refuse_no_action, within_limits
 from rudc.world.entering import ego_against
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import IN_SIGHT_S, Collision, judge
@@ -151,10 +151,9 @@ class World:
 
     def advance(self, u: Array) -> Advance:
         """Apply u (2,), acceleration (m/s2) and front-wheel angle (rad), cut to the vehicle's limits, for one
-        decision or up to a collision in it. Raises InputError if a number of u is nan."""
+        decision or up to a collision in it. Raises InputError unless u is two numbers."""
         scene = self.scene()
-        if np.isnan(u).any():
-            raise InputError(f"the action {u} is not acceleration (m/s2) and front-wheel angle (rad)")
+        refuse_no_action(u)
         began = self._script.step(scene)
         moving = any(prop.moves for prop in self.stage.props)
         every = next_look(self._nearest.gap, moving, self.config.decision_s)

@@ -73,7 +73,7 @@ def test_all_start_from_the_same_policy(algorithm: str):
     """And, of those with two critics of the return, from the same critics, whatever else they have."""
     small = {"learner.policy.hidden": 8, "learner.critic.hidden": 8, "training.seed": 3}
     config, sac = TrainConfig.of(algorithm, small), TrainConfig.of("sac", small)
-    weights, plain = (c.entry.make(c.learner, c.given).weights() for c in (config, sac))
+    weights, plain = (c.entry.kind(c.algorithm)(c.learner, c.given, "cpu").weights() for c in (config, sac))
     first = policy_arrays(sac.learner, sac.given)
     for name, array in group(weights, "policy").items():
         np.testing.assert_array_equal(array, first[name], err_msg=name)

@@ -339,7 +339,7 @@ def test_a_strangers_algorithm_takes_its_place():
             register_algorithm("mine", ALGORITHMS["sac"])
         config = TrainConfig.of("mine", {}, "paper")
         assert config.learner.n_step == 5
-        assert config.entry.make(config.learner, config.given).updates == 0
+        assert config.entry.kind(config.algorithm)(config.learner, config.given, "cpu").updates == 0
     finally:
         ALGORITHMS.pop("mine", None)
 

@@ -347,7 +347,7 @@ def _assert_a_whole_agent(folder: Path, config: TrainConfig) -> None:
     learnt = load_learnt(folder / "checkpoint")
     assert learnt.config == config.agent
     assert make_agent(str(folder)).name == str(folder)
-    first = config.entry.make(config.learner, config.given).weights()
+    first = config.entry.kind(config.algorithm)(config.learner, config.given, "cpu").weights()
     assert any(not np.array_equal(learnt.arrays[name], first[name]) for name in first if "policy/" in name)
     states = "sigma" in config.learner.offers
     assert (learnt.percentiles is not None) is states
