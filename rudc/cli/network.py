@@ -163,7 +163,7 @@ def build(
 
     built = build_network(folder, out)
     for sign in unused_signs(folder):
-        warn(f"warning: {sign}; `rudc network check` says what has come out")
+        warn(f"warning: {sign}; `rudc network check` shows what came of it")
     for edge in lost_edges(folder, built):
         warn(f"warning: netconvert left out edge {edge} of the sources; look at its numbers, such as `speed`")
     typer.echo(built)
