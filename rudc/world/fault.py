@@ -5,19 +5,21 @@
 1. The other stands (below 0.5 m/s) or is a pedestrian: the ego's fault if the ego drove at 0.5 m/s or more,
    or more slowly but faster than the other; else shared. Where an ego that moves on its reference path hits
    a car that the yielding layer makes brake or stand for the ego, and that has not stood for IN_SIGHT_S yet,
-   this rule does not apply: rules 3 to 8 decide.
+   this rule does not apply: rules 3 to 9 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
-3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
+3. They come by the same arm beside each other (by BESIDE_M or more), one to turn over the way of the other,
+   as a car does that turns right over a cycle lane: the fault of the one that turns (more than the other).
+4. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
    that came by different arms this holds only within 15 degrees, and only for one squarely behind.
-4. The other drives on no path (against its lane, or across the road): the other's fault.
-5. They meet head-on (within 45 degrees) where the ego's whole body is before its stop line or beyond the
+5. The other drives on no path (against its lane, or across the road): the other's fault.
+6. They meet head-on (within 45 degrees) where the ego's whole body is before its stop line or beyond the
    junction: the ego's fault if it is over the left edge of its carriageway, else shared.
-6. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
+7. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
    roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less
    far beyond its stop line.
-7. An event makes the other disregard the right of way: the other's fault.
-8. Otherwise shared.
+8. An event makes the other disregard the right of way: the other's fault.
+9. Otherwise shared.
 """
 
 from __future__ import annotations
@@ -25,7 +27,10 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from rudc.network.line_kernels import between
+from rudc.network.paths import SPACING, PathTable
 from rudc.world.scene import STANDING, Kind, Scene
 
 Fault = Literal["ego", "other", "shared"]
@@ -35,6 +40,12 @@ MOVES = 0.05
 """m/s, up to which the ego does not move"""
 MERGING = math.pi / 12
 """rad between the headings of two that merge, up to which one drives behind the other"""
+
+BESIDE_M = 1.5
+"""m between the middles of two lanes of an arm, from which on two drive beside each other in them"""
+TURNS_OVER = math.pi / 4
+"""rad by which the directions in which two leave the junction differ at least if one turns over the other's
+way"""
 
 
 class Collision(NamedTuple):
@@ -67,6 +78,8 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
         return "other"
     row, own, paths = int(scene.path[index]), scene.route.row, scene.network.paths
     merge = row >= 0 and paths.origin[row] != paths.origin[own]
+    if row >= 0 and not merge and on_path and (turning := _turning_over(scene, index)):
+        return turning
     if turn > math.cos(MERGING if merge else math.pi / 4):
         if abs(ahead) >= 0.25 * (scene.vehicle.length + scene.size[index, 0]):
             return "ego" if ahead > 0 else "other"
@@ -84,6 +97,36 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
         its = scene.path_s[index] + 0.5 * scene.size[index, 0] - paths.stop_s[row]
         return "ego" if ours < its else "other"
     return "other" if unlawful else "shared"
+
+
+def _turning_over(scene: Scene, index: int) -> Fault | None:
+    """Whose fault it is that of two from the same arm, beside each other, one turns over the other's way;
+    None where neither does. A bicycle in its lane, beside the row of its movement, counts where it drives."""
+    row, own, paths = int(scene.path[index]), scene.route.row, scene.network.paths
+    turned = [_turned(paths, k) for k in (row, own)]
+    if abs(turned[0] - turned[1]) < TURNS_OVER:
+        return None
+    x, y, angle = _pose(paths, row, scene.path_s[index])
+    dx, dy = scene.position[index] - (x, y)
+    left = dy * math.cos(angle) - dx * math.sin(angle)
+    theirs, ours = _pose(paths, row, paths.stop_s[row]), _pose(paths, own, paths.stop_s[own])
+    cos, sin = math.cos(ours[2]), math.sin(ours[2])
+    left += (theirs[1] - ours[1]) * cos - (theirs[0] - ours[0]) * sin
+    if abs(left) < BESIDE_M or (turned[0] > turned[1]) == (left > 0):
+        return None
+    return "other" if abs(turned[0]) > abs(turned[1]) else "ego"
+
+
+def _turned(paths: PathTable, row: int) -> float:
+    """rad by which a row turns in the junction, left positive."""
+    last = paths.heading[row, int(paths.exit_s[row] / SPACING)]
+    return float(last - paths.stop_heading[row])
+
+
+def _pose(paths: PathTable, row: int, s: float) -> tuple[float, float, float]:
+    """x m, y m and heading rad at arc length `s` m of a row."""
+    x, y, heading = paths.pose(np.array(row), np.array(s))
+    return float(x), float(y), float(heading)
 
 
 def _may_wait(scene: Scene) -> bool:

@@ -116,6 +116,38 @@ def test_in_line_the_one_behind_is_at_fault(contact):
     assert contact(1.0, 1.7, 0.1, 8.0) == "shared", "side by side"
 
 
+@pytest.mark.parametrize(
+    ("own", "theirs", "lane", "fault"),
+    [
+        ("right", "straight", -2.3, "ego"),
+        ("right", "straight", 2.3, None),
+        ("right", "straight", -0.9, None),
+        ("right", "right", -2.3, None),
+        ("straight", "right", 2.3, "other"),
+        ("straight", "left", -5.8, "other"),
+        ("left", "straight", 5.8, "ego"),
+        ("left", "straight", 0.0, None),
+    ],
+)
+def test_who_turns_over_the_way_of_who_drives_beside_it_is_at_fault(make_scene, own, theirs, lane, fault):
+    """As a car that turns right over a cycle lane; whoever is run into, and at any angle. `lane`: m from the
+    middle of the lane that a row begins in."""
+    scene = make_scene({"row": 0, "s": 10.0, "v": 6.0}, v=6.0, front=6.0, turn=own)
+    ego, paths = scene.ego, scene.network.paths
+    row = scene.network.route("south", theirs).row
+    for ahead, turned in ((0.5, 0.3), (-4.0, 0.2), (0.5, 1.2)):
+        at = paths.stop_s[row] + scene.front_s - scene.route.stop_line_s - 2.0 + ahead
+        x, y, psi = (float(value) for value in paths.pose(np.array(row), np.array(at)))
+        place = np.array([[x - lane * math.sin(psi), y + lane * math.cos(psi)]])
+        towards = ego.psi + turned
+        meets = replace(
+            scene, path=np.array([row]), path_s=np.array([at]), position=place, heading=np.array([towards])
+        )
+        alone = judge(replace(meets, path=np.array([-1])), 0, unlawful=False)
+        found = judge(meets, 0, unlawful=False)
+        assert found == fault if fault else found in {"shared", alone}, (ahead, turned)
+
+
 def test_where_ways_merge_the_right_of_way_decides_unless_one_drives_behind(contact, four_way):
     own, yields = four_way.route("south", "right").row, four_way.paths.yields
     major = next(row for row in range(len(yields)) if yields[own, row] and not yields[row, own])
