@@ -6,9 +6,10 @@ may be blocked in several places. An SV whose row is blocked ahead of it
 
     changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
         it waits before the stop line until it has changed, if no free row begins on its own lane;
-    otherwise, if it is before the stop line, takes another movement from its arm that is free;
-    otherwise drives on, if its row is free for CHANGE_M m behind the junction and another lane of the road
-        there is free: it changes lanes there;
+    otherwise, if it is before the stop line and its movement is blocked for good, takes another movement from
+        its arm that is free;
+    otherwise drives on, if its row is free for CHANGE_M m behind the junction, and another lane of the road
+        there is free (it changes lanes there) or its movement is not blocked for good (it queues there);
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.
 
@@ -19,7 +20,8 @@ An SV that leads or follows the ego for an event changes lanes only once it is o
 not already before the junction for something behind the junction, and takes another movement only where none
 of this helps, from its own lane. One whose turn an event names (`Driver.keeps_turn`) takes no other movement.
 
-SVs that enter the road choose among the movements that are free.
+SVs that enter the road choose among the movements that are not blocked for good. What an event takes away
+again (with a `duration`) blocks for good only once it has stood for PATIENT_S.
 """
 
 from __future__ import annotations
@@ -51,6 +53,8 @@ STAY_M = 10.0
 COMFORT = 2.5
 """m/s2: an SV begins to brake for that place once it needs more than this, or, on a slippery road, more than
 what is comfortable there"""
+PATIENT_S = 15.0
+"""s for which SVs wait for what will be taken away before they look for another way; they cannot know when"""
 HOLD_S = 2.0
 """s for which SUMO is asked to keep an SV on another lane"""
 
@@ -61,8 +65,8 @@ class Detours:
     def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
         self._sumo, self._network, self._traffic = sumo, network, traffic
         self._passing = Passing(sumo, network, traffic)
-        self._seen: tuple[tuple[str, float, float], ...] = ()
-        self._begins, self._end = self._blocks()
+        self._seen: tuple[tuple[str, float, float, bool], ...] = ()
+        self._begins, self._end, self._end_for_good = self._blocks()
         self.redirected = False
         """whether the last step gave an SV another movement"""
 
@@ -75,7 +79,8 @@ class Detours:
         self, scene: Scene, stage: WorldStage, decision_s: float, ego: tuple[int, float] | None = None
     ) -> None:
         """Let SVs pass what leaves them room in their lanes; see `Passing.step`."""
-        self._passing.look(stage.props, stage.obstructed.passable)
+        waited_for = {name for name, at in stage.for_now.items() if stage.time_s < at + PATIENT_S}
+        self._passing.look(stage.props, stage.obstructed.passable, waited_for)
         self._passing.step(scene, decision_s, ego)
 
     def step(self, scene: Scene) -> dict[str, tuple[float, float]]:
@@ -85,7 +90,7 @@ class Detours:
         self.redirected = False
         if self._passing.standing != self._seen:
             self._seen = self._passing.standing
-            self._begins, self._end = self._blocks()
+            self._begins, self._end, self._end_for_good = self._blocks()
             self._traffic.avoid(self._closed())
         if not self._seen:
             return {}
@@ -99,7 +104,7 @@ class Detours:
         for i, c, *places in zip(
             *(part[ahead].tolist() for part in (rows, classes, front, block)), strict=True
         ):
-            need = self._redirect(scene, i, self._end[c], *places)
+            need = self._redirect(scene, i, self._end[c], self._end_for_good[c], *places)
             if need is not None:
                 waits[scene.ids[i]] = need
         to_line = self._network.paths.stop_s[scene.path[rows]] - front
@@ -108,33 +113,35 @@ class Detours:
             self._stay(scene, i, self._end[c], at)
         return waits
 
-    def _blocks(self) -> tuple[Array, Array]:
+    def _blocks(self) -> tuple[Array, Array, Array]:
         """Where rows are blocked for each length, as arc lengths (m) of a front bumper.
 
         (C, P, stations + 1): where the next block begins at or after each station of each row, inf for none.
         (C, P): where the last block of each row ends, -inf for none.
+        (C, P): likewise the last that is there for good.
         """
         blocked = self._passing.blocked
         front = np.arange(blocked.shape[2]) * SPACING + 0.5 * self._passing.lengths[:, None, None]
         begins = np.full((*blocked.shape[:2], blocked.shape[2] + 1), np.inf)
         begins[..., :-1] = np.where(np.diff(blocked, axis=2, prepend=False) & blocked, front, np.inf)
         begins = np.minimum.accumulate(begins[..., ::-1], axis=2)[..., ::-1]
-        return begins, np.where(blocked, front, -np.inf).max(axis=2)
+        ends = [np.where(b, front, -np.inf).max(axis=2) for b in (blocked, self._passing.blocked_for_good)]
+        return begins, *ends
 
     def _closed(self) -> set[tuple[str, str]]:
-        """(origin, destination) of the movements of which no row is free for the shortest."""
+        """(origin, destination) of the movements that are blocked for good for the shortest."""
         return {
             (movement.origin, movement.destination)
             for movement in self._network.movements
-            if not any(_is_free(self._end[0], row, -np.inf) for row in movement.rows)
+            if not any(_is_free(self._end_for_good[0], row, -np.inf) for row in movement.rows)
         }
 
     def _redirect(
-        self, scene: Scene, i: int, end: Array, front: float, block: float
+        self, scene: Scene, i: int, end: Array, end_for_good: Array, front: float, block: float
     ) -> tuple[float, float] | None:
         """Let an SV change lanes or movements, whose front bumper is at `front` m and whose row is blocked
-        from `block` m on. `end` (P,) m: where rows are blocked last for it. Returns (speed in m/s,
-        deceleration in m/s2) if it has to brake to wait, else None.
+        from `block` m on. `end`, `end_for_good` (P,) m: where rows are blocked last for it, and last for
+        good. Returns (speed in m/s, deceleration in m/s2) if it has to brake to wait, else None.
         """
         network, paths, name = self._network, self._network.paths, scene.ids[i]
         row = int(scene.path[i])
@@ -162,11 +169,13 @@ class Detours:
                 self._sumo.ask_lane(name, beside.index, HOLD_S)
             return None
         if not free:
-            later = beside is not None and block > paths.exit_s[row] + CHANGE_M
+            passes = any(_is_free(end_for_good, other, front) for other in movement.rows)
+            later = (passes or beside is not None) and block > paths.exit_s[row] + CHANGE_M
             kept = network.inbound_lane(row) if driver.keeps_lane else None
             if later and kept:
                 return None
-            if not driver.keeps_turn and self._take_another(name, movement, end, front, kept):
+            stays = passes or driver.keeps_turn
+            if not stays and self._take_another(name, movement, end, front, kept):
                 return None
             if later:
                 return None

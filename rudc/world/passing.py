@@ -114,19 +114,21 @@ class Passing:
         self._room: Array | None = None
         self._aside: dict[str, float] = {}
         """name -> m that an SV is to the left of its lane's middle; only of those who are not on it"""
-        self.standing: tuple[tuple[str, float, float], ...] = ()
-        """name and place (m) of each thing that stands on the road"""
-        self._find([], ())
+        self.standing: tuple[tuple[str, float, float, bool], ...] = ()
+        """of each thing that stands on the road, its name and place (m), and whether it is waited for"""
+        self._find([], (), ())
 
-    def look(self, props: list[Prop], passable: Collection[str]) -> None:
+    def look(
+        self, props: list[Prop], passable: Collection[str], waited_for: Collection[str] = frozenset()
+    ) -> None:
         """Find out what stands on the road now, and where SVs have room beside it: beside things of the names
-        `passable` within their lane.
+        `passable` within their lane. Those `waited_for` do not block a row for good.
         """
         standing = [prop for prop in props if not prop.moves and prop.kind != Kind.PEDESTRIAN]
-        key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
+        key = tuple((prop.name, *prop.pose()[:2], prop.name in waited_for) for prop in standing)
         if key != self.standing:
             self.standing = key
-            self._find(standing, passable)
+            self._find(standing, passable, waited_for)
 
     def classes(self, lengths: Array) -> Index:
         """(N,) which of `lengths` stands for vehicles with these lengths (N,) m."""
@@ -171,15 +173,22 @@ class Passing:
         room = self._rooms()[path, first]
         return np.clip(wanted, -room, room)
 
-    def _find(self, standing: list[Prop], passable: Collection[str]) -> None:
+    def _find(self, standing: list[Prop], passable: Collection[str], waited_for: Collection[str]) -> None:
         paths = self._network.paths
         shape = len(self.lengths), *paths.xy.shape[:2]
         self.blocked: Flags = np.zeros(shape, dtype=np.bool_)
         """(C, P, M) at which stations of each row an SV with its middle there has no room"""
+        self.blocked_for_good: Flags = self.blocked
+        """(C, P, M) as `blocked`, but for things that are waited for"""
         self._sought: Array = np.zeros(shape)
         """(C, P, M) m to the left of its lane's middle where such an SV has room"""
         for c, length in enumerate(self.lengths.tolist() if standing else ()):
             self.blocked[c], self._sought[c] = self._beside(standing, passable, length)
+        lasting = [prop for prop in standing if prop.name not in waited_for]
+        if len(lasting) < len(standing):
+            self.blocked_for_good = np.zeros_like(self.blocked)
+            for c, length in enumerate(self.lengths.tolist() if lasting else ()):
+                self.blocked_for_good[c] = self._beside(lasting, passable, length)[0]
         self._any_sought = bool(self._sought.any())
         beyond = np.where(self._sought != 0.0, np.arange(shape[2]), 2 * shape[2])
         self._next: Index = np.minimum.accumulate(beyond[..., ::-1], axis=2)[..., ::-1]

@@ -100,12 +100,22 @@ def test_nobody_who_is_past_one_block_drives_up_to_the_next(world):
         assert not ((past_line > 0.0) & (past_line < 20.0)).any()
 
 
-def test_a_movement_is_open_again_once_nothing_blocks_it(world):
-    stalled = [event("stalled_vehicle", lane=f"north_out_{k}", at=8.0, duration=2.0) for k in (0, 1)]
-    world.reset(PlanSource(origin="south", turn="left", density=10.0, events=tuple(stalled)).plan(0))
-    world.advance(np.array([-6.0, 0.0]))
-    assert world.traffic._closed
-    for _ in range(60):
+def test_svs_wait_for_what_is_taken_away_before_they_look_for_another_way(world):
+    """What stood for 8 s sent them elsewhere from 100 m away, as if they knew nothing of its end."""
+    stalled = [event("stalled_vehicle", lane=f"north_out_{k}", at=8.0, duration=18.0) for k in (0, 1)]
+    plan = PlanSource(origin="west", turn="right", density=25.0, events=tuple(stalled)).plan(0)
+    world.reset(plan)
+    wanted = {name: driver.destination for name, driver in world.traffic.drivers.items()}
+    for _ in range(148):
+        world.advance(np.array([-6.0, 0.0]))
+        assert not world.traffic._closed
+        for name, driver in world.traffic.drivers.items():
+            assert wanted.setdefault(name, driver.destination) == driver.destination
+    assert "north" in {wanted[name] for name in world.traffic.drivers}
+    for _ in range(5):
+        world.advance(np.array([-6.0, 0.0]))
+    assert ("south", "north") in world.traffic._closed
+    for _ in range(40):
         world.advance(np.array([-6.0, 0.0]))
     assert not world.stage.props
     assert not world.traffic._closed

@@ -84,8 +84,8 @@ class WorldStage(NetworkStage):
     """number of an event in keys -> names of the vehicles of which it has taken hold"""
     obstructed: Obstructed = field(init=False)
     """the lanes that things obstruct"""
-    _for_now: set[str] = field(default_factory=set)
-    """names of things that stand on the road and will be taken away"""
+    for_now: dict[str, float] = field(default_factory=dict)
+    """name of a thing that stands on the road and will be taken away -> s, since when it stands"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
     """(`speed`, `factor` or `density`; name of the vehicle) -> the value that each event asks for which is
     not over, by the event's name; the latest is the last
@@ -205,7 +205,7 @@ class WorldStage(NetworkStage):
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
         if for_now:
-            self._for_now.add(name)
+            self.for_now[name] = self.time_s
         if self.scene is not None and self._too_near(place, (length, width)):
             self.sudden[name] = math.inf
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
@@ -230,7 +230,7 @@ class WorldStage(NetworkStage):
         return free
 
     def is_taken_for_now(self, body: Body, place: XYHeading, size: Size | None = None) -> bool:
-        leave = [_as_standing(prop) for prop in self.props if prop.name in self._for_now]
+        leave = [_as_standing(prop) for prop in self.props if prop.name in self.for_now]
         taken = bool(overlapped(Standing("", body, place, size or size_of(body)), leave))
         self.no_room |= taken
         return taken
@@ -323,7 +323,7 @@ class WorldStage(NetworkStage):
     def remove_things(self, event: str) -> None:
         gone = self.things_of(event)
         self.props = [prop for prop in self.props if prop.name not in gone]
-        self._for_now -= gone
+        self.for_now = {name: at for name, at in self.for_now.items() if name not in gone}
         self.obstructed.remove(gone)
         for stand_in in self._stand_ins.pop(event, []):
             self.sumo.remove(stand_in)  # on the road, or waiting for room there
