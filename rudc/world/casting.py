@@ -51,7 +51,8 @@ CLEAR_M = 7.0
 LOOK_M = 0.5
 """m between the places on a lane at which it is tested whether something stands there"""
 TRIES = 20
-"""how many places are tried for a vehicle on another arm, and kinds for a leader or follower"""
+"""how many places are tried for a vehicle on another arm, as many farther away if all are taken, and how many
+kinds for a leader or follower"""
 
 
 class _Placed(NamedTuple):
@@ -210,12 +211,13 @@ def _towards_junction(
     bodies = [one.body for one in placed]
     others = np.column_stack([scene.position, scene.heading, scene.size])
     others = np.concatenate([others, np.array(bodies).reshape(-1, 5)])
-    for _ in range(TRIES if movements else 0):
+    for k in range(2 * TRIES if movements else 0):
+        late = (0.0, 0.5 * LATE_S) if k < TRIES else (0.5 * LATE_S, 2.0 * LATE_S)
         movement = movements[rng.integers(len(movements))]
         kind = _type(selector) or stage.traffic.draw_type()
         route = network.route(movement.origin, movement.destination)
         speed = min(stage.traffic.draw_speed(), VEHICLE_TYPES[kind].max_speed)
-        to_stop = max(speed * (_arrival_s(scene) + float(rng.uniform(0.0, 0.5 * LATE_S))), 10.0)
+        to_stop = max(speed * (_arrival_s(scene) + float(rng.uniform(*late))), 10.0)
         front = min(route.stop_line_s, max(route.stop_line_s - to_stop, VEHICLE_TYPES[kind].length + 1.0))
         length, width = VEHICLE_TYPES[kind].length, VEHICLE_TYPES[kind].width
         x, y, psi = (float(value) for value in route.path.pose(front - 0.5 * length))

@@ -11,6 +11,7 @@ from rudc.geometry import rectangle_gaps
 from rudc.scenario import load_scenario
 from rudc.world.casting import selected
 from rudc.world.events.selection import comes_from, pick
+from rudc.world.scene import Kind
 from rudc.world.spawn import safe_to_start
 from tests.plans import PlanSource, constant, event
 from tests.world.networks import bent
@@ -120,6 +121,14 @@ def test_traffic_that_does_not_cross_the_egos_path_is_no_reason_to_add_nobody(wo
         scene = world.reset(source.plan(seed))
         (row,) = pick(scene, selector, RNG)
         assert not math.isnan(scene.network.conflict(scene.route)[scene.path[row], 0]), seed
+
+
+def test_several_from_one_arm_are_added_one_behind_the_other(world):
+    """Where the first stood in the only places that were tried, the next was left out."""
+    events = tuple(brake({"from": "north", "type": kind}) for kind in ("bus", "truck"))
+    for seed in range(8):
+        scene = world.reset(replace(QUIET, origin="west", turn="straight", events=events).plan(seed))
+        assert {Kind.BUS, Kind.TRUCK} == {*scene.kind.tolist()}, seed
 
 
 @pytest.mark.parametrize("turn", ["left", "straight", "right"])
