@@ -12,12 +12,12 @@ from rudc.scenario.events.stage import Stage
 
 
 class ActuatorDelay(Event, frozen=True):
-    """The ego's commands take effect late; a later event of this kind replaces it whole."""
+    """The ego's pedals and steering take effect late; a later event of this kind replaces it whole."""
 
     kind: Literal["actuator_delay"]
     """the ego's commands take effect late"""
     delay: Annotated[AnyDistribution, Bounds(0, 2, "s")] = Constant(value=0.0)
-    """s until a command takes effect"""
+    """s until a command takes effect, of the pedals and of the steering alike"""
     lag: Annotated[AnyDistribution, Bounds(0, 3, "s")] = Constant(value=0.0)
     """s, time constant of a first-order lag"""
     duration: Duration | None = None

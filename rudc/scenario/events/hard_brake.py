@@ -21,7 +21,7 @@ class HardBrake(VehicleEvent, frozen=True):
     deceleration: Annotated[AnyDistribution, Bounds(0, HARDEST, "m/s2", above=True)] = Constant(value=7.0)
     """m/s2"""
     duration: Duration = Constant(value=3.0)
-    """s that this lasts; a vehicle that has stopped stands until then"""
+    """s that this lasts, braking included; a vehicle that has stopped stands until then"""
 
 
 class HardBrakeEffect(Held[HardBrake]):

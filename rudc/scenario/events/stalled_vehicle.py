@@ -33,7 +33,8 @@ class StalledVehicle(VehicleEvent, frozen=True):
     vehicle: Selector | None = None
     """surrounding vehicle that stops, instead of `lane`"""
     duration: Duration | None = None
-    """s it stands; by default for good. One on `lane` is then taken away, a `vehicle` drives on"""
+    """s it stands, for a `vehicle` from when it has come to stand; by default for good. One on `lane` is then
+    taken away, a `vehicle` drives on"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
