@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,8 +19,9 @@ SETTLED_NS = 2_000_000_000
 class _File(NamedTuple):
     """A file, and what changes with what is in it."""
 
-    path: Path
-    below: Path
+    folder: str
+    names: tuple[str, ...]
+    """from there to the file"""
     size: int
     written_ns: int
     changed_ns: int
@@ -40,8 +43,8 @@ def code_digest() -> str:
         return _known[1]
     now_ns, found = time.time_ns(), hashlib.sha256()
     for file in files:
-        name = file.path.relative_to(file.below)
-        found.update(f"{name}".encode() + b"\0" + file.path.read_bytes() + b"\0")
+        text = Path(file.folder, *file.names).read_bytes()
+        found.update("/".join(file.names).encode() + b"\0" + text + b"\0")
     digest = found.hexdigest()[:12]
     settled = all(max(file.written_ns, file.changed_ns) < now_ns - SETTLED_NS for file in files)
     _known = (files, digest) if settled else None
@@ -49,10 +52,18 @@ def code_digest() -> str:
 
 
 def _files() -> list[_File]:
-    code, found = Path(rudc.__file__).resolve().parent, []
-    for folder, pattern in ((code, "**/[!.]*.py"), (data_folder("sumo_networks"), "*/[!.]*.net.xml")):
-        for path in filter(Path.is_file, sorted(folder.glob(pattern), key=lambda path: path.parts)):
-            about = path.stat()
-            times = about.st_mtime_ns, about.st_ctime_ns
-            found.append(_File(path, folder, about.st_size, *times, about.st_ino))
-    return found
+    code = str(Path(rudc.__file__).resolve().parent)
+    networks = str(data_folder("sumo_networks"))
+    return [*sorted(_below(code, ".py")), *sorted(_below(networks, ".net.xml"))]
+
+
+def _below(folder: str, ending: str, names: tuple[str, ...] = ()) -> Iterator[_File]:
+    """The files below a folder whose names end so, and are not hidden; pathlib takes thrice as long."""
+    with os.scandir(os.path.join(folder, *names)) as entries:
+        for entry in entries:
+            here = (*names, entry.name)
+            if entry.is_dir(follow_symlinks=False):
+                yield from _below(folder, ending, here)
+            elif entry.name.endswith(ending) and not entry.name.startswith(".") and entry.is_file():
+                about = entry.stat()
+                yield _File(folder, here, about.st_size, about.st_mtime_ns, about.st_ctime_ns, about.st_ino)
