@@ -24,19 +24,19 @@ QUICK = (
         f"--set training.{key}"
         for key in (
             "envs=1",
-            "seed_steps=50",
-            "learning_starts=32",
+            "seed_steps=25",
+            "learning_starts=16",
             "round_decisions=25",
             "evaluation_episodes=0",
             "curriculum=null",
         )
     )
-    + " --set learner.batch_size=32"
+    + " --set learner.batch_size=16"
 )
 LESS = (
-    (r"--steps \d+", "--steps 50"),
+    (r"--steps \d+", "--steps 25"),
     (r"(--episodes |\bepisodes=)\d+", r"\g<1>1"),
-    (r"(rudc (?:--import \S+ )?sweep .*--episodes \d+)", r"\1 --set episode.timeout=8"),
+    (r"(rudc (?:--import \S+ )?sweep .*--episodes \d+)", r"\1 --set episode.timeout=4"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r" --envs \d+", ""),  # QUICK has it

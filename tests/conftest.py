@@ -3,12 +3,14 @@
 A shell that starts them in the background has them ignore it, and every process that they start would too.
 Tables are as wide as they want to be: xdist tells its workers how wide its own terminal is. Linear algebra
 has one thread, as there is a process of tests for each core. Workers find more in their server than users' do
-(tests/preloaded.py).
+(tests/preloaded.py). Typer makes the command line once a process, and not for each command.
 """
 
 import os
 import signal
+from functools import cache
 
+import typer.main
 from hypothesis import HealthCheck, settings
 
 from rudc.evaluation import starting
@@ -21,3 +23,4 @@ settings.register_profile(
 )
 settings.load_profile("reproducible")
 starting.PRELOADED = "tests.preloaded"
+typer.main.get_command = cache(typer.main.get_command)

@@ -9,8 +9,10 @@ import gc
 
 import rudc.evaluation.preloaded
 import rudc.training.collect  # noqa: F401
+from rudc.evaluation.compiled import compile_kernels
 from rudc.network.network import load_network
 
+compile_kernels()  # again: those that came with `collect`, which each worker would load for itself
 _network = load_network("four_way")
 for _arm in _network.arms:
     for _turn in ("left", "straight", "right"):

@@ -11,5 +11,6 @@ with contextlib.suppress(Exception):  # a worker that needs what cannot be impor
     for _module in ("rudc.evaluation.runner", "rudc.evaluation.sweep", "rudc.evaluation.compiled"):
         import_module(_module)
     import_module("rudc.evaluation.compiled").compile_kernels()
+    import_module("rudc.evaluation.code").code_digest()  # a worker then reads what was written since
 gc.freeze()  # workers need not look through it, nor copy its pages
 gc.enable()

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import time
 from functools import partial
 from pathlib import Path
 
@@ -151,6 +152,23 @@ def test_the_codes_digest_follows_its_content(tmp_path, monkeypatch):
     once = manifest.code_digest()
     (package / "new.py").write_text("x = 2\n")
     assert len({before, once, manifest.code_digest()}) == 3
+
+
+def test_code_that_lies_still_is_read_once(tmp_path, monkeypatch):
+    """Until it is written, be it with as many letters and at the same time by its file's own telling."""
+    file = tmp_path / "__init__.py"
+    file.write_text("x = 1\n")
+    monkeypatch.setattr("rudc.__file__", str(file))
+    monkeypatch.setattr("rudc.evaluation.code.SETTLED_NS", 0)
+    time.sleep(0.05)  # its times are no finer than the clock of the files
+    before, reads, read = manifest.code_digest(), [], Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: (reads.append(path), read(path))[1])
+    assert (manifest.code_digest(), reads) == (before, [])
+    told = file.stat()
+    file.write_text("x = 2\n")
+    os.utime(file, ns=(told.st_atime_ns, told.st_mtime_ns))
+    assert manifest.code_digest() != before
+    assert file in reads
 
 
 def test_what_an_editor_keeps_beside_the_code_is_no_code(tmp_path, monkeypatch):

@@ -39,7 +39,7 @@ def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("verify")
     shutil.copy(shipped_networks()["t_junction"], folder / "own.net.xml")
     (folder / "own.yaml").write_text(
-        "name: own\nextends: random_destination\nnetwork: own.net.xml\nepisode: {timeout: 2}\n"
+        "name: own\nextends: random_destination\nnetwork: own.net.xml\nepisode: {timeout: 0.5}\n"
         "sweep: {traffic.density: [5, 15]}\n"
     )
     plan = SweepPlan((load_scenario(folder / "own.yaml"),), ("rudc-t", "gap-acceptance+ttcbf"), 3, 4)

@@ -35,7 +35,7 @@ SMALL = {
     "training.evaluate_on": ("random_destination",), "training.calibration_episodes": 1, "training.envs": 1,
 }  # fmt: skip
 """what is trained is not what is looked at; the quick budget's, and what is drawn: test_quick.py"""
-SHORT = {"episode.timeout": 5}
+SHORT = {"episode.timeout": 2}
 """nor is how episodes end"""
 
 

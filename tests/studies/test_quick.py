@@ -148,7 +148,7 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys, few, t
 
     monkeypatch.chdir(tmp_path)
     if name not in WHOLE:
-        short = partial(find_scenarios, overrides={"episode.timeout": 5})
+        short = partial(find_scenarios, overrides={"episode.timeout": 2})
         for module in (base, latency, ood_case):
             monkeypatch.setattr(module, "find_scenarios", short)
     if name == "filter":
@@ -187,6 +187,7 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys, few, t
     if name not in RESUMED:
         return
     assert call()[0] == 2
+    monkeypatch.setattr("rudc.reporting.figures._save", lambda *_: None)  # looked at above
     status, again = call("--resume")
     assert not status, again.err
     line = RESUMED[name]
