@@ -32,6 +32,7 @@ UNITS = {
     "speed": "m/s",
     "stand_still": "s",
     "ego_distance_to_junction": "m",
+    "ego_distance_to_place": "m",
     "event_state": "s",
 }
 """units of the numbers of conditions of `when`"""
@@ -45,6 +46,7 @@ WHEN = {
     "speed": "the ego's speed is",
     "stand_still": "the ego has stood for",
     "ego_distance_to_junction": "the ego's distance to its stop line is",
+    "ego_distance_to_place": "the ego's distance along its path to",
     "event_state": "the time since",
 }
 """conditions of `when` in words, where their names do not say enough"""
@@ -202,6 +204,9 @@ def _condition(name: str, condition: FileModel) -> str:
         words = f"{words.removesuffix(' is')} ({towards}) is"
     if place is not None:
         words += f" [{', '.join(_value(v) for v in place)}]"
+    if name == "ego_distance_to_place":
+        on_lane = f" {bounds.pop('lane')} at {_value(bounds.pop('at'), 'm')}" if "lane" in bounds else ""
+        words += f"{on_lane} is"
     return f"{words} {_value(bounds, UNITS[name])}"
 
 

@@ -97,8 +97,8 @@ class SpeedThreshold(Threshold, frozen=True):
     """m/s; holds when it is slower"""
 
 
-class JunctionThreshold(Threshold, frozen=True):
-    """A distance in m to the stop line, negative once past it."""
+class PathThreshold(Threshold, frozen=True):
+    """A distance in m along the ego's path, negative once past it."""
 
     LEAST: ClassVar[float] = -1000.0
     """m, least value of the quantity"""
@@ -166,19 +166,15 @@ class EventState(TimeThreshold, frozen=True):
     """s; holds when it is longer"""
 
 
-class ReachPosition(FileModel, frozen=True):
-    """The ego, or a vehicle, is near a place."""
+class Somewhere(FileModel, frozen=True):
+    """A place."""
 
-    vehicle: Selector | None = None
-    """which vehicle; by default the ego"""
     position: Position | None = None
     """[x, y] in m east and north of the junction's centre"""
     lane: Identifier | None = None
     """lane that the place is on, instead of `position`"""
     at: Metre | None = None
     """m from the junction along `lane`, or inside the junction in driving direction"""
-    tolerance: Annotated[AnyDistribution, Bounds(0, 200, "m", above=True)] = Constant(value=2.0)
-    """m, how near counts as there"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
@@ -190,6 +186,20 @@ class ReachPosition(FileModel, frozen=True):
             yield "needs `at`, the place along it in m", "lane"
         elif "at" in given and "lane" not in given:
             yield "goes with `lane` only", "at"
+
+
+class ReachPosition(Somewhere, frozen=True):
+    """The ego, or a vehicle, is near a place."""
+
+    vehicle: Selector | None = None
+    """which vehicle; by default the ego"""
+    tolerance: Annotated[AnyDistribution, Bounds(0, 200, "m", above=True)] = Constant(value=2.0)
+    """m, how near counts as there"""
+
+
+class DistanceToPlace(Somewhere, PathThreshold, frozen=True):
+    """The distance in m along the ego's path to a place, or to where the path comes nearest to it; negative
+    once past it."""
 
 
 def _some(groups: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -217,8 +227,10 @@ class Conditions(FileModel, frozen=True):
     """the speed of the ego, or of a vehicle, m/s"""
     stand_still: TimeThreshold | None = None
     """s for which the ego has been standing (slower than 0.5 m/s) without a break; 0 while it moves"""
-    ego_distance_to_junction: JunctionThreshold | None = None
+    ego_distance_to_junction: PathThreshold | None = None
     """m from the ego to its stop line, negative past it"""
+    ego_distance_to_place: DistanceToPlace | None = None
+    """m from the ego along its path to a place, negative past it"""
     event_state: EventState | None = None
     """s since an earlier event of the file began, or was over"""
 

@@ -181,6 +181,9 @@ def test_arms_and_groups_of_conditions_are_said_in_words():
         "the ego's distance to event 1 is below 5 m and a vehicle (leader) reaches lane ego_in at 20 m "
         "tolerance 2 m and the speed of a vehicle (leader) is below 1 m/s"
     )
+    for where, said in (({"lane": "ego_out", "at": 8}, "ego_out at 8 m"), ({"position": [4, -2]}, "[4, -2]")):
+        past = event("hard_brake", when={"ego_distance_to_place": where | {"below": -5}})
+        assert conditions(past) == f"the ego's distance along its path to {said} is below -5 m"
     alone = event("hard_brake", when={"any": groups[:1]})
     assert conditions(alone) == "the ego's speed is above 3 m/s and the ego has stood for below 1 s"
 

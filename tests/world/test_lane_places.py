@@ -1,5 +1,6 @@
 """Events on lanes inside the junction, in a roundabout, or relative to the ego; ways across an arm."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from rudc.world.scene import Kind
 from rudc.world.vehicle_types import VEHICLE_TYPES
 from tests.plans import PlanSource, event
 from tests.world.networks import by_heading, two_lane_ring
+from tests.world.test_world import follow
 
 HELD_OUT = data_folder("results") / "held-out-19" / "networks"
 CROSSKEYS = HELD_OUT / "crosskeys" / "crosskeys.net.xml"
@@ -112,6 +114,24 @@ def test_reach_position_on_a_lane(world):
             world.advance(np.zeros(2))
             scene = world.scene()
         assert scene.route.stop_line_s - last.ego_s == pytest.approx(20 + 1.6, abs=0.8)
+
+
+def test_the_egos_distance_to_a_place_is_negative_once_it_is_past_it(world_on):
+    """On a ring, where the distance to the junction says nothing of the way out."""
+    world = world_on("roundabout")
+    source = replace(EMPTY, network="roundabout", origin="south", turn="left", speed=(8.0, 8.0))
+    x, y, _ = world.network.place_on_lane("west_out_0", 6.0)
+    centre = world.network.center
+    places = {"lane": "ego_out", "at": 6}, {"position": [x - centre[0], y - centre[1]]}
+    for place, metres in itertools.product(places, (12.0, -3.0)):
+        surge = event("density_surge", density=50, when={"ego_distance_to_place": place | {"below": metres}})
+        scene = world.reset(replace(source, events=(surge,)).plan(0))
+        while world.traffic.density < 50:
+            last = scene
+            world.advance(follow(scene))
+            scene = world.scene()
+        ahead = last.route.path.project(x, y)[0] - last.ego_s - 0.5 * last.vehicle.length
+        assert metres - 1.0 < ahead < metres
 
 
 @pytest.mark.parametrize(("kind", "size"), [("bicycle", Kind.BICYCLE), ("motorcycle", Kind.MOTORCYCLE)])

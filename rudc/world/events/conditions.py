@@ -52,11 +52,13 @@ def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage, t
     return condition.holds(scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length)
 
 
+def _ego_distance_to_place(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
+    s, _ = scene.route.path.project(*_place(condition, scene))
+    return condition.holds(s - scene.ego_s - 0.5 * scene.vehicle.length)
+
+
 def _reach_position(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
-    if condition.lane is not None:
-        x, y, _ = scene.network.place_on_lane(condition.lane, float(condition.at), route=scene.route)
-    else:
-        x, y = scene.network.center + [float(value) for value in condition.position]
+    x, y = _place(condition, scene)
     if condition.vehicle is None:
         return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
     away = scene.position[_whom(condition, scene, stage, trigger)] - (x, y)
@@ -95,6 +97,15 @@ def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage, trigger:
     )
 
 
+def _place(condition: Any, scene: Scene) -> tuple[float, float]:
+    """x, y (m) of the place that a condition is about."""
+    if condition.lane is not None:
+        x, y, _ = scene.network.place_on_lane(condition.lane, float(condition.at), route=scene.route)
+    else:
+        x, y = scene.network.center + [float(value) for value in condition.position]
+    return float(x), float(y)
+
+
 def _whom(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> list[int]:
     """Rows of the SVs, or of an event's things, that a condition is about."""
     if getattr(condition, "event", None) is not None:
@@ -126,6 +137,7 @@ _CONDITIONS: dict[str, Callable[[Any, Scene, WorldStage, Trigger], bool]] = {
     "speed": _speed,
     "stand_still": _stand_still,
     "ego_distance_to_junction": _ego_distance_to_junction,
+    "ego_distance_to_place": _ego_distance_to_place,
     "reach_position": _reach_position,
     "relative_distance": _relative_distance,
     "time_headway": _time_headway,
