@@ -164,7 +164,8 @@ def _json(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric])
     """A list with an object for each group: what it has in common, `episodes`, `errors`, and for each metric
     its statistics; null for what is not known. A column grouped by is one of numbers where each row has one.
     """
-    columns = [_values(name, cells) for name, cells in zip(by, zip(*(g.key for g in groups), strict=True))]
+    cells = zip(*(group.key for group in groups), strict=True)
+    columns = [_values(name, column) for name, column in zip(by, cells, strict=True)]
     lines = [
         dict(zip(by, key, strict=True))
         | {"episodes": group.episodes, "errors": group.errors}

@@ -41,8 +41,8 @@ def number(value: float, decimals: int = 1) -> str:
 
 
 def rate_decimals(rate: float, decimals: int = 1) -> int:
-    """With how many decimals a rate in percent, or its change, is written: one more, and more if need be, where
-    it would look like 0 or 100 and is not.
+    """With how many decimals a rate in percent, or its change, is written: one more, and more if need be,
+    where it would look like 0 or 100 and is not.
     """
     return next((n for n in range(decimals, 6) if round(abs(rate), n) not in (0.0, 100.0)), decimals)
 
@@ -55,8 +55,8 @@ def interval(mean: float, low: float, high: float, decimals: int = 1) -> str:
 
 
 def interval_of(line: Mapping[str, Any], name: str, decimals: int = 1) -> str:
-    """`interval` of a line's NAME, NAME_low and NAME_high; `rate_decimals` where NAME is or begins with that of a
-    rate.
+    """`interval` of a line's NAME, NAME_low and NAME_high; with `rate_decimals` where NAME is or begins with
+    that of a rate.
     """
     if name.partition("_")[0] in RATES:
         decimals = rate_decimals(line[name], decimals)

@@ -44,7 +44,8 @@ def test_a_difference_has_the_unit_of_its_metric_if_any(tmp_path):
     pairs = {"metrics": [m.name for m in METRICS], "pairs": [{"a": 0, "b": 1, "lines": [[-1, values]]}]}
     data = {"agents": ["a", "b"], "scenarios": ["s"], "metrics": metrics, "pairs": pairs}
     before = """
-    const element = (_, __, ...children) => children.flat(), shape = element, signed = String, decimalsOf = () => 1;
+    const element = (_, __, ...children) => children.flat(), shape = element, signed = String;
+    const decimalsOf = () => 1;
     const holder = { replaceChildren: (_, head) => told.push(head.flat(3)[4]) }, told = [];
     const find = () => holder, chosen = (id) => ({ 'pair-a': 0, 'pair-b': 1, 'pair-metric': asked })[id];
     let asked;
