@@ -164,8 +164,7 @@ def _json(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric])
     """A list with an object for each group: what it has in common, `episodes`, `errors`, and for each metric
     its statistics; null for what is not known. A column grouped by is one of numbers where each row has one.
     """
-    cells = zip(*(group.key for group in groups), strict=True)
-    columns = [_values(name, column) for name, column in zip(by, cells, strict=True)]
+    columns = [_values(name, [group.key[k] for group in groups]) for k, name in enumerate(by)]
     lines = [
         dict(zip(by, key, strict=True))
         | {"episodes": group.episodes, "errors": group.errors}
