@@ -99,7 +99,7 @@ def run(
     _check_several(len(drivers), {"--video": video, "--steps": steps, "--fcd": fcd, "--gui": gui}, replay)
     for text in overlooked([source]):
         warn(f"warning: {text}")
-    scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    scenario = load_scenario(source, parse_overrides(overrides), misfits, by="--set")
     note_sweep(scenario)
     if video is not None:
         check_film(video)
