@@ -191,8 +191,9 @@ def metrics() -> str:
     return "\n".join([
         "# Metrics and columns\n", MADE, "## Metrics\n",
         "Rates have Wilson's 95 % intervals; means have Student's below 20 episodes, then a seeded "
-        "bootstrap's, from 2,000 on those of the normal distribution. Fewer than 20 episodes that are all "
-        "alike have no interval. SR + FR + VR = 100 %.\n",
+        "bootstrap's, from 2,000 on those of the normal distribution. A mean of values that are all the same "
+        "has no interval. `rudc table` prints the intervals of rates, with `--format markdown` or `csv` "
+        "those of means, too. SR + FR + VR = 100 %.\n",
         table(["metric", "what it says", "unit", "better", "made of"], measures),
         "## Columns of episodes.csv\n",
         "Swept keys come after them. `rudc table --by COLUMN` groups by any of them, `--metrics COLUMN` "

@@ -43,9 +43,21 @@ def print_metrics(
     layout = _fitting(groups, by, chosen, screen.width, may_drop=metrics is None)
     for line in _lines(groups, by, layout):
         screen.print(line, soft_wrap=True)
+    _note_fewer(groups, layout.metrics)
     gone = [metric.name.replace("_", "-") for metric in chosen if metric not in layout.metrics]
     if gone:
         note(f"too narrow for {', '.join(gone)}; --format csv or markdown shows all")
+
+
+def _note_fewer(groups: Sequence[Group], metrics: Sequence[Metric]) -> None:
+    """Say which means are from fewer episodes than their row has; of many the first, and how many more."""
+    found = [(metric, group) for group in groups for metric in metrics if metric.name in group.fewer]
+    if found:
+        metric, group = found[0]
+        name = heading(metric).partition(" ")[0]
+        row = ", ".join(shown_key(group.key))
+        more = f"; other means from fewer than n: {len(found) - 1}" if len(found) > 1 else ""
+        note(f"{name} of {row}: from {group.fewer[metric.name]} of {group.episodes} episodes{more}")
 
 
 def _fitting(

@@ -51,7 +51,9 @@ def run(
         Path | None,
         typer.Option(
             metavar="F.csv",
-            help="Every decision: action, filter, gap, reward terms; x_m and y_m from the junction's centre.",
+            help="Every decision: action, filter, gap, reward terms, and the state at its start; x_m and y_m "
+            "from the junction's centre. AES takes the speed after each decision, so it differs a little "
+            "from the mean of speed_mps.",
         ),
     ] = None,
     fcd: Annotated[
@@ -97,7 +99,7 @@ def run(
     _check_several(len(drivers), {"--video": video, "--steps": steps, "--fcd": fcd, "--gui": gui}, replay)
     for text in overlooked([source]):
         warn(f"warning: {text}")
-    scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    scenario = load_scenario(source, parse_overrides(overrides), misfits, by="--set")
     note_sweep(scenario)
     if video is not None:
         check_film(video)

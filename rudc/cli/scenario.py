@@ -223,7 +223,7 @@ def preview(
 
     if animate and at is not None:
         raise InputError("--animate shows the whole episode, and --at one scene: give one of them")
-    scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    scenario = load_scenario(source, parse_overrides(overrides), misfits, by="--set")
     note_sweep(scenario)
     path = out or Path(f"{scenario.name}.{'gif' if animate else 'png'}")
     if animate:

@@ -89,7 +89,7 @@ def search(
     given = _ranges(parse_overrides(over, "--over"))
     for text in overlooked([source]):
         warn(f"warning: {text}")
-    scenario = load_scenario(source, given, misfits)
+    scenario = load_scenario(source, given, misfits, by="--over")
     plan = SearchPlan(scenario, agent, episodes, seed, space_of(scenario, given))
     note(f"over {', '.join(plan.space.axes)}")
     progress = sweep_progress("evaluations.csv")

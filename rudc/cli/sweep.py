@@ -252,16 +252,18 @@ def _agents(names: list[str]) -> tuple[str, ...]:
 def _scenarios(names: list[str], overrides: dict[str, object]) -> list[Scenario]:
     from rudc.evaluation.preflight import never_happening
     from rudc.scenario import find_scenarios
-    from rudc.scenario.library import overlooked
+    from rudc.scenario.library import given_twice, overlooked
     from rudc.world.fitting import misfits
 
     for text in overlooked(names):
         warn(f"warning: {text}")
-    found = find_scenarios(names, misfits, overrides=overrides)
+    found = find_scenarios(names, misfits, overrides=overrides, by="--set")
     for scenario in found:
         for text in never_happening(scenario):
             warn(f"warning: {scenario.name}: {text}")
     _warn_of_repeated("SCENARIO", names)
+    for text in given_twice(names):
+        warn(f"warning: {text}")
     return found
 
 

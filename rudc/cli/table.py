@@ -53,8 +53,9 @@ def table(
     quiet: Quiet = False,
 ) -> None:
     """The metrics of a sweep, or of several, with 95 % intervals: Wilson's for rates; for means Student's
-    below 20 episodes, the bootstrap's from 20 on, the normal one from 2,000 on. Bold: better than all other
-    agents in the scenario, by intervals that do not overlap.
+    below 20 episodes, the bootstrap's from 20 on, the normal one from 2,000 on. On the screen stand those of
+    rates only; `--format markdown` and `csv` have those of means, too. Bold: better than all other agents in
+    the scenario, by intervals that do not overlap.
 
     **Examples**
 

@@ -126,7 +126,13 @@ def _config(
     stored = stored_config(out) if resume else None
     if stored is None:
         if algorithm is None:
-            raise InputError(f"which algorithm? there are {', '.join(ALGORITHMS)}")
+            known = ", ".join(ALGORITHMS)
+            told = (
+                f"{out} holds no training to go on with; give one of {known}"
+                if resume
+                else f"there are {known}"
+            )
+            raise InputError(f"which algorithm? {told}")
         config = TrainConfig.of(algorithm, changes | settings, preset or "default")
         if preset is not None and preset not in preset_names():
             own = read_preset(preset)

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from rudc.agents.own import parse_own
 from rudc.agents.own_files import digest
 from rudc.agents.registry import agent_settings
+from rudc.agents.variation import split
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.manifest import read_manifest
 from rudc.evaluation.own_networks import FOLDER, kept_scenario
@@ -140,13 +141,23 @@ def _ran_with(content: Mapping[str, Any]) -> str:
 
 
 def kept_settings(agent: str) -> dict[str, Any]:
-    """`agent_settings`; an error says what a path in the agent's name is relative to."""
+    """`agent_settings`; where the path in an agent's name is not there, the error says what it is relative
+    to.
+    """
     try:
         return agent_settings(agent)
     except InputError as error:
-        if not ("/" in agent or ".py" in agent) or os.path.isabs(agent):
+        if not ("/" in agent or ".py" in agent) or os.path.isabs(agent) or _is_there(agent):
             raise
         raise SweepError(
             f"{error}; {agent} is named relative to the folder in which the sweep was started: give the "
             "command there"
         ) from error
+
+
+def _is_there(agent: str) -> bool:
+    """Whether the file or folder that an agent's name begins with is there, whatever is in it."""
+    if own := parse_own(agent):
+        return os.path.exists(os.path.expanduser(own[0].source))
+    base = split(agent)[0]
+    return any(map(os.path.exists, (agent, base, base.rpartition("+")[0])))

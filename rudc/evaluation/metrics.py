@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,8 @@ class Group:
     """episodes that could not be run"""
     metrics: Mapping[str, Summary]
     """name -> value"""
+    fewer: Mapping[str, int] = field(default_factory=dict)
+    """name of a metric -> from how many of the episodes it is, where that is not all of them, but some"""
 
 
 class Tally:
@@ -85,7 +87,11 @@ class Tally:
         values = iter(self._measured(whole, done))
         return [
             Group(
-                key, len(ran), len(rows) - len(ran), {metric.name: next(values) for metric in self._metrics}
+                key,
+                len(ran),
+                len(rows) - len(ran),
+                {metric.name: next(values) for metric in self._metrics},
+                self._fewer(whole, ran),
             )
             for key, rows, ran in zip(self._keys, members, done, strict=True)
         ]
@@ -107,6 +113,12 @@ class Tally:
             else _possible(metric, next(summaries))
             for metric, rows in wanted
         ]
+
+    def _fewer(self, whole: _Part, rows: Index) -> dict[str, int]:
+        """Name of each mean that some of the episodes have no value for -> how many have one."""
+        means = [metric for metric in self._metrics if not metric.outcomes]
+        known = {m.name: int((~np.isnan(whole.numbers[m.column][rows])).sum()) for m in means}
+        return {name: n for name, n in known.items() if 0 < n < len(rows)}
 
     def _sample(self, metric: Metric, whole: _Part, rows: Index) -> Sample:
         totals, parts = _weighted(metric, lambda name: whole.numbers[name][rows])

@@ -124,10 +124,14 @@ def paired(new: Cells, old: Cells, *, rate: bool = False) -> Paired:
 
 def paired_rate(new: Sequence[bool], old: Sequence[bool]) -> Paired:
     """Percentage points by which `new` has it in more of the same episodes than `old`. Raises InputError
-    unless both have as many.
+    unless both are True and False (or 1 and 0) in a row, as many of each.
     """
-    _refuse_unpaired("paired_rate", len(new), len(old))
-    both = [(bool(a), bool(b)) for a, b in zip(new, old, strict=True)]
+    one, other = (row_of_numbers(values, "paired_rate") for values in (new, old))
+    _refuse_unpaired("paired_rate", len(one), len(other))
+    for value in (*one, *other):
+        if value not in (0.0, 1.0):
+            raise InputError(f"paired_rate: {value:g} is neither True nor False")
+    both = [(bool(a), bool(b)) for a, b in zip(one, other, strict=True)]
     more, less = both.count((True, False)), both.count((False, True))
     return Paired(len(both), *paired_change(len(both), more, less), more, less, mcnemar(more, less))
 

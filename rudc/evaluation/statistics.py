@@ -14,7 +14,10 @@ choices of the draws do.
 Student. The bootstrap of n values is too narrow by a factor of about sqrt((n - 1) / n) z / t: of two normal
 values its interval holds the true mean in 50 of 100 cases, of five in 85, of ten in 91. Below STUDENT_BELOW
 values the interval is therefore mean +- t s / sqrt(n), t the 0.975 quantile of Student's distribution with
-n - 1 degrees of freedom; few values that are all the same have none.
+n - 1 degrees of freedom.
+
+Values that are all the same, or all ratios, have no interval, however many they are: they do not tell how far
+apart others would be.
 
 Differences of rates in the same episodes: the interval of Bonett and Price (J. Educ. Behav. Stat. 37, 2012),
 Wald's with one more pair of each kind, and McNemar's exact test.
@@ -82,11 +85,11 @@ def mean_interval(
     values: ArrayLike, resamples: int = RESAMPLES, seed: int = SEED, *, over: ArrayLike | None = None
 ) -> tuple[float, float]:
     """Ends of the 95 % interval of the mean of values (n,), or of their sum divided by that of `over` (n,);
-    (nan, nan) where there are too few to tell. Raises InputError for anything but numbers in a row, and where
-    `over` has more or fewer than `values`.
+    (nan, nan) of fewer than two, and where all values, or all ratios, are the same, however many. Raises
+    InputError for anything but finite numbers in a row, and where `over` has more or fewer than `values`.
     """
-    numbers = row_of_numbers(values, "mean_interval")
-    divisors = None if over is None else row_of_numbers(over, "mean_interval: over")
+    numbers = _finite(values, "mean_interval")
+    divisors = None if over is None else _finite(over, "mean_interval: over")
     if divisors is not None and len(divisors) != len(numbers):
         raise InputError(f"mean_interval: {len(numbers)} values over {len(divisors)}; give as many of each")
     return mean_intervals([(numbers, divisors)], resamples, seed)[0]
@@ -103,14 +106,24 @@ def row_of_numbers(values: ArrayLike, what: str) -> Array:
     return numbers
 
 
+def _finite(values: ArrayLike, what: str) -> Array:
+    """`row_of_numbers`. Raises InputError also for one that is nan or infinite."""
+    numbers = row_of_numbers(values, what)
+    wrong = np.flatnonzero(~np.isfinite(numbers))
+    if len(wrong):
+        raise InputError(f"{what}: value {wrong[0] + 1} is {numbers[wrong[0]]:g}; give finite numbers")
+    return numbers
+
+
 def mean_intervals(
     samples: Sequence[Sample], resamples: int = RESAMPLES, seed: int = SEED
 ) -> list[tuple[float, float]]:
     """The same of many samples; those of one size share their draws, as they would alone."""
     found = [(math.nan, math.nan)] * len(samples)
     sizes: dict[int, list[int]] = {}
-    for k, (values, _) in enumerate(samples):
-        sizes.setdefault(len(values), []).append(k)
+    for k, sample in enumerate(samples):
+        if len(sample[0]) > 1 and not _all_same(*sample):
+            sizes.setdefault(len(sample[0]), []).append(k)
     for n, members in sizes.items():
         alike = [samples[k] for k in members]
         if n < STUDENT_BELOW:

@@ -17,7 +17,7 @@ from rudc.evaluation.metrics import Group, group_metrics, in_order
 from rudc.evaluation.paper import beside, is_from_paper, paper_groups
 from rudc.evaluation.rows import Row, SweepRows
 from rudc.evaluation.statistics import Summary
-from rudc.evaluation.text import MISSING, markdown
+from rudc.evaluation.text import MISSING, markdown, rate_decimals
 from rudc.hints import did_you_mean, there_are
 
 Format = Literal["csv", "markdown", "latex", "json"]
@@ -102,12 +102,17 @@ def measured(
 
 def cell(metric: Metric, value: Summary) -> str:
     """`mean [low, high]`; `mean (std)` where there is no interval."""
-    n = metric.decimals
     if math.isnan(value.mean):
         return MISSING
+    n = decimals_of(metric, value.mean)
     if not math.isnan(value.low):
         return f"{value.mean:.{n}f} [{value.low:.{n}f}, {value.high:.{n}f}]"
     return f"{value.mean:.{n}f}" + ("" if math.isnan(value.std) else f" ({value.std:.{n}f})")
+
+
+def decimals_of(metric: Metric, value: float) -> int:
+    """With how many decimals a value of a metric, or its change, is written."""
+    return rate_decimals(value, metric.decimals) if metric.outcomes else metric.decimals
 
 
 def shown_key(key: tuple[str, ...]) -> list[str]:
@@ -157,15 +162,27 @@ def _apart(a: Summary, b: Summary) -> bool:
 
 def _json(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:
     """A list with an object for each group: what it has in common, `episodes`, `errors`, and for each metric
-    its statistics; null for what is not known.
+    its statistics; null for what is not known. A column grouped by is one of numbers where each row has one.
     """
+    columns = [_values(name, [group.key[k] for group in groups]) for k, name in enumerate(by)]
     lines = [
-        dict(zip(by, group.key, strict=True))
+        dict(zip(by, key, strict=True))
         | {"episodes": group.episodes, "errors": group.errors}
         | {m.name: {k: _or_none(v) for k, v in group.metrics[m.name]._asdict().items()} for m in metrics}
-        for group in groups
+        for group, key in zip(groups, zip(*columns, strict=True), strict=True)
     ]
     return json.dumps(lines, indent=1, allow_nan=False) + "\n"
+
+
+def _values(column: str, cells: Sequence[str]) -> Sequence[str | float]:
+    """The cells of a column grouped by: numbers if all are; a name stays a name, whatever it looks like."""
+    if column in ("scenario", "agent", "folder"):
+        return cells
+    try:
+        are_numbers = all(math.isfinite(float(cell)) for cell in cells)
+    except ValueError:
+        return cells
+    return [int(cell) if cell.isdecimal() else float(cell) for cell in cells] if are_numbers else cells
 
 
 def _or_none(value: float) -> float | None:

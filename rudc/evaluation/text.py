@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rudc.evaluation.columns import RATES
 from rudc.evaluation.record import as_text
 from rudc.evaluation.store import format_row
 
@@ -39,6 +40,13 @@ def number(value: float, decimals: int = 1) -> str:
     return MISSING if math.isnan(value) else f"{value:.{decimals}f}"
 
 
+def rate_decimals(rate: float, decimals: int = 1) -> int:
+    """With how many decimals a rate in percent, or its change, is written: one more, and more if need be,
+    where it would look like 0 or 100 and is not.
+    """
+    return next((n for n in range(decimals, 6) if round(abs(rate), n) not in (0.0, 100.0)), decimals)
+
+
 def interval(mean: float, low: float, high: float, decimals: int = 1) -> str:
     """`mean [low, high]`, without the interval where there is none."""
     text = number(mean, decimals)
@@ -47,7 +55,11 @@ def interval(mean: float, low: float, high: float, decimals: int = 1) -> str:
 
 
 def interval_of(line: Mapping[str, Any], name: str, decimals: int = 1) -> str:
-    """`interval` of a line's NAME, NAME_low and NAME_high."""
+    """`interval` of a line's NAME, NAME_low and NAME_high; with `rate_decimals` where NAME is or begins with
+    that of a rate.
+    """
+    if name.partition("_")[0] in RATES:
+        decimals = rate_decimals(line[name], decimals)
     return interval(line[name], line[f"{name}_low"], line[f"{name}_high"], decimals)
 
 

@@ -71,8 +71,7 @@ def existing_files(patterns: Sequence[str]) -> tuple[list[Path], list[str]]:
     missing: list[str] = []
     for pattern in patterns:
         try:
-            several = glob.has_magic(pattern) and not os.path.isfile(os.path.expanduser(pattern))
-            paths = _matching(pattern) if several else [find_file(pattern)]
+            paths = _meant(pattern)
         except ScenarioError as error:
             missing.append(str(error))
             continue
@@ -83,6 +82,20 @@ def existing_files(patterns: Sequence[str]) -> tuple[list[Path], list[str]]:
         for path in paths:
             found.setdefault(path.resolve(), path)
     return list(found.values()), missing
+
+
+def given_twice(patterns: Sequence[str]) -> list[str]:
+    """A line for each file that `find_files` leaves out since it is the same as another, by a link. Raises
+    ScenarioError.
+    """
+    first: dict[Path, Path] = {}
+    paths = dict.fromkeys(path for pattern in patterns for path in _meant(pattern))
+    pairs = [(path, first.setdefault(path.resolve(), path)) for path in paths]
+    return [
+        f"{shown(path)} and {shown(other)} are the same file, which counts once"
+        for path, other in pairs
+        if path.absolute() != other.absolute()
+    ]
 
 
 def overlooked(sources: Sequence[str]) -> list[str]:
@@ -122,6 +135,12 @@ def shown(path: Path) -> str:
 
 def _is_path(source: str | Path) -> bool:
     return isinstance(source, Path) or "/" in source or "\\" in source or source.endswith(SUFFIXES)
+
+
+def _meant(pattern: str) -> list[Path]:
+    """The files that a name, a path or a glob stands for."""
+    several = glob.has_magic(pattern) and not os.path.isfile(os.path.expanduser(pattern))
+    return _matching(pattern) if several else [find_file(pattern)]
 
 
 def _matching(pattern: str) -> list[Path]:

@@ -29,6 +29,7 @@ def load_scenario(
     fit: Fit | None = None,
     *,
     grid: Mapping[str, Sequence[object]] | None = None,
+    by: str = "override",
 ) -> Scenario:
     """The scenario of a shipped name or a file. `overrides`: dotted key -> value to use instead; such a key
     is not swept any more; where a key and a part of it are both given, the part
@@ -36,7 +37,8 @@ def load_scenario(
     to sweep it over; a key that takes a list, such as `events`, gets them as its value.
 
     `fit` finds what a file alone does not show (`rudc.world.fitting.misfits`: lanes that its network does
-    not have). Raises ScenarioError, one line for every problem.
+    not have). Raises ScenarioError, one line for every problem; `by`: how it calls what gave the overrides,
+    such as an option of a command.
     """
     path = find_file(source)
     sheet, reports = _read(path, ())
@@ -49,27 +51,31 @@ def load_scenario(
         if key in grid and not _takes_list(sheet, key, given[key]):
             swept[key] = given[key]
         else:
-            reports += _override(sheet, key, given[key])
-    reports += _within_swept(given, swept)
+            reports += _override(sheet, key, given[key], by)
+    reports += _within_swept(given, swept, by)
     for key in grid:  # in the order given: the last varies fastest
         if key in swept:
-            _sweep(sheet, key, swept[key])
+            _sweep(sheet, key, swept[key], by)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if fit is not None:
         reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
-        raise _error([_with_hint(report, sheet.data, overrides or {}) for report in reports], path)
+        raise _error([_with_hint(report, sheet.data, overrides or {}, by) for report in reports], path)
     return scenario.read_from(path.absolute(), _without_empty(sheet.data))
 
 
 def find_scenarios(
-    patterns: Sequence[str], fit: Fit | None = None, *, overrides: Mapping[str, object] | None = None
+    patterns: Sequence[str],
+    fit: Fit | None = None,
+    *,
+    overrides: Mapping[str, object] | None = None,
+    by: str = "override",
 ) -> list[Scenario]:
     """The scenarios that shipped names, paths and globs stand for, each once, in the order given.
 
-    `overrides`: other values at some dotted keys of all of them; those of a list are swept. `fit` as in
-    `load_scenario`. Raises ScenarioError with every problem of every file, when two files have the same
+    `overrides`: other values at some dotted keys of all of them; those of a list are swept. `fit` and `by` as
+    in `load_scenario`. Raises ScenarioError with every problem of every file, when two files have the same
     `name`, and for a text instead of a list of them.
     """
     if isinstance(patterns, str | PathLike):
@@ -80,7 +86,7 @@ def find_scenarios(
     single = {key: value for key, value in (overrides or {}).items() if key not in grid}
     for path in find_files(patterns):
         try:
-            scenario = load_scenario(path, single, fit, grid=grid)
+            scenario = load_scenario(path, single, fit, grid=grid, by=by)
         except ScenarioError as error:
             failures.append(str(error))
             continue
@@ -158,28 +164,28 @@ def _anchor_networks(sheet: Sheet, folder: File) -> None:
         ]
 
 
-def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
+def _override(sheet: Sheet, key: str, value: object, by: str) -> list[Report]:
     """Put a value at a dotted key of a sheet; an empty one takes back what stands there, if anything does, as
     in a file that extends another."""
     if key.partition(".")[0] == "extends":
         text = "cannot be set: a file is read with what it extends; write a file with another `extends`"
-        return [Report("override", 0, 0, tuple(key.split(".")), text)]
+        return [Report(by, 0, 0, tuple(key.split(".")), text)]
     if key.startswith("sweep."):
         text = f"is not a key; give {key.removeprefix('sweep.')} itself a list"
-        return [Report("override", 0, 0, tuple(key.split(".")), text)]
+        return [Report(by, 0, 0, tuple(key.split(".")), text)]
     swept = sheet.data.get("sweep")
     there = value_at(sheet.data, key) is not None or (isinstance(swept, dict) and key in swept)
     try:
         data, path = with_value(sheet.data, key, value)
     except DottedKeyError as error:
-        return [Report("override", 0, 0, tuple(key.split(".")), str(error))]
+        return [Report(by, 0, 0, tuple(key.split(".")), str(error))]
     if value is None and not there and _is_known(data, path):
         _end_sweeps_below(data, key)  # the sheet's own data share its `sweep`
         return []
     sheet.data = data
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[: len(path)] != path}
     made = [path[:n] for n in range(1, len(path) + 1) if path[:n] not in sheet.marks]
-    sheet.marks.update(dict.fromkeys(made, Mark("override", 0, 0, 0, 0)))
+    sheet.marks.update(dict.fromkeys(made, Mark(by, 0, 0, 0, 0)))
     if isinstance(swept := sheet.data.get("sweep"), dict):
         for known in [known for known in swept if f"{key}.".startswith(f"{known}.")]:
             del swept[known]  # or the file's own values would take the place of those given
@@ -210,13 +216,13 @@ def _end_sweeps_below(data: dict[str, Any], key: str) -> None:
                 del swept[known]
 
 
-def _within_swept(given: Iterable[str], grid: Iterable[str]) -> list[Report]:
+def _within_swept(given: Iterable[str], grid: Iterable[str], by: str) -> list[Report]:
     """A report for each key that lies within one that is swept."""
     pairs = [(key, swept) for key in given for swept in grid if key.startswith(f"{swept}.")]
-    return [Report("override", 0, 0, tuple(key.split(".")), WITHIN.format(swept)) for key, swept in pairs]
+    return [Report(by, 0, 0, tuple(key.split(".")), WITHIN.format(swept)) for key, swept in pairs]
 
 
-def _with_hint(report: Report, data: dict[str, Any], overrides: Mapping[str, object]) -> Report:
+def _with_hint(report: Report, data: dict[str, Any], overrides: Mapping[str, object], by: str) -> Report:
     """The report; where a list stands in the place of a single value, with a hint how to run each of its
     values."""
     key = dotted(report.path)
@@ -224,7 +230,7 @@ def _with_hint(report: Report, data: dict[str, Any], overrides: Mapping[str, obj
     single = report.text.endswith(got(value)) and not report.text.startswith("expected a mapping")
     if not (single and isinstance(value, list) and all(isinstance(each, Scalar) for each in value)):
         return report
-    if report.file == "override":
+    if report.file == by:
         if key not in overrides:
             return report
         return replace(report, text=f"{report.text} (`rudc sweep` takes one, and runs each of its values)")
@@ -247,7 +253,7 @@ def _takes_list(sheet: Sheet, key: str, values: Sequence[object]) -> bool:
     return True
 
 
-def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:
+def _sweep(sheet: Sheet, key: str, values: Sequence[object], by: str) -> None:
     """Sweep a dotted key of a sheet over values."""
     before = sheet.data.get("sweep")
     kept = before.items() if isinstance(before, dict) else ()
@@ -259,7 +265,7 @@ def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:
     sheet.data["sweep"] = {**others, key: list(values)}
     path: Path = ("sweep", key)
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[:2] != path}
-    sheet.marks[path] = Mark("override", 0, 0, 0, 0)
+    sheet.marks[path] = Mark(by, 0, 0, 0, 0)
 
 
 def _checked(sheet: Sheet, known: set[Path], sweeps: bool) -> tuple[Scenario | None, list[Report]]:

@@ -28,6 +28,7 @@ import numpy as np
 from rudc.evaluation.columns import Metric
 from rudc.evaluation.seeds import Cells, Paired, over_seeds
 from rudc.evaluation.statistics import Z
+from rudc.evaluation.tables import decimals_of
 from rudc.evaluation.text import interval, markdown
 from rudc.studies.campaign import METRIC, Campaign, Claim
 from rudc.studies.outcomes import Outcomes
@@ -163,6 +164,6 @@ def _side(pair: Paired) -> float:
 
 def _change(pair: Paired, metric: Metric) -> str:
     """`+2.0 [0.5, 3.5], p 0.01, n 200`."""
-    text = interval(pair.change, pair.low, pair.high, metric.decimals)
+    text = interval(pair.change, pair.low, pair.high, decimals_of(metric, pair.change))
     p = "" if math.isnan(pair.p) else f", p {pair.p:.2g}"
     return f"{'+' if pair.change > 0 else ''}{text}{p}, n {pair.pairs}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from rudc.evaluation.columns import happened
 from rudc.evaluation.statistics import Z, paired_change
-from rudc.evaluation.text import interval, markdown
+from rudc.evaluation.text import interval, markdown, rate_decimals
 from rudc.studies.filter_variants import ADAPTIVE, CONSTANT, Variant
 
 Row = Mapping[str, str]
@@ -94,10 +94,16 @@ def pairs_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
         [
             *(line[key] for key in ("agent", "domain", "constrained", "adaptive", "constant")),
             str(line["episodes"]),
-            *(interval(line[f"{r}_change"], line[f"{r}_low"], line[f"{r}_high"]) for r in ("VR", "FR")),
+            *(_change(line, rate) for rate in ("VR", "FR")),
             interval(line["speed_change"], line["speed_low"], line["speed_high"], 2),
             "yes" if line["dominates"] else "no",
         ]
         for line in lines
     ]
     return markdown(headings, rows, left=5)
+
+
+def _change(line: Mapping[str, Any], rate: str) -> str:
+    """The change of a rate with its interval."""
+    change = line[f"{rate}_change"]
+    return interval(change, line[f"{rate}_low"], line[f"{rate}_high"], rate_decimals(change))

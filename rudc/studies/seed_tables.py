@@ -10,7 +10,7 @@ from typing import Any
 from rudc.evaluation.columns import METRICS, Metric
 from rudc.evaluation.paper import paper_groups
 from rudc.evaluation.statistics import Summary
-from rudc.evaluation.tables import cell, heading
+from rudc.evaluation.tables import cell, decimals_of, heading
 from rudc.evaluation.text import MISSING, interval, interval_of, markdown
 from rudc.studies.campaign import Campaign, Row
 from rudc.studies.outcomes import Outcomes
@@ -95,7 +95,7 @@ def iqm_markdown(lines: Sequence[Line]) -> str:
 
 def pairs_markdown(lines: Sequence[Line]) -> str:
     """Changes of the tested metrics, a row each; lines are those against one row."""
-    decimals = {metric.name: metric.decimals for metric in METRICS}
+    by_name = {metric.name: metric for metric in METRICS}
     found: dict[str, dict[str, Line]] = {}
     for line in lines:
         found.setdefault(line["title"], {})[line["metric"]] = line
@@ -104,7 +104,8 @@ def pairs_markdown(lines: Sequence[Line]) -> str:
         cells = []
         for name in TESTED:
             line = metrics[name]
-            text = interval(line["change"], line["low"], line["high"], decimals[name])
+            decimals = decimals_of(by_name[name], line["change"])
+            text = interval(line["change"], line["low"], line["high"], decimals)
             cells.append(text if math.isnan(line["p"]) else f"{text}, p {line['p']:.2g}")
         rows.append([title, str(metrics["SR"]["pairs"]), *cells])
     return markdown(["", "pairs", *TESTED], rows)
@@ -152,6 +153,6 @@ def _short(metric: Metric, line: Line) -> str:
 
 
 def _cell(line: Line, metric: Metric) -> str:
-    text, n = _short(metric, line), metric.decimals
+    text, n = _short(metric, line), decimals_of(metric, line[f"{metric.name}_mean"])
     low, high = line[f"{metric.name}_low"], line[f"{metric.name}_high"]
     return text if math.isnan(low) else f"{text} [{low:.{n}f}, {high:.{n}f}]"

@@ -230,7 +230,7 @@ def _played(network: Network, route: Route, i: int, event: Event) -> _Site | Non
         return None
     site = _Site(network, route)
     try:
-        ask_effect(effect_of(event, f"{event.kind}{i}"), "begin", site)
+        ask_effect(effect_of(event, f"{event.kind}{i}"), "begin", site, i + 1)
     except NetworkError:
         return None  # rudc/world/fitting.py reports it
     return site

@@ -207,6 +207,17 @@ def test_a_wide_screen_shows_everything_in_a_line_each(shown):
     assert said == ""
 
 
+def test_a_mean_of_fewer_episodes_than_its_row_has_is_named(shown):
+    """Where nobody was met there is no gap, and n does not show it."""
+    alone = [{**row, "min_dtc_m": ""} if row["seed"] in "03" else row for row in ROWS]
+    _, said = shown(200, [*ROWS[:4], *alone[4:]])
+    assert said == "min-DTC of random_destination, rudc-t: from 2 of 4 episodes\n"
+    _, said = shown(200, alone)
+    assert said.endswith("ttcbf: from 2 of 4 episodes; other means from fewer than n: 1\n")
+    _, said = shown(200, [{**row, "min_dtc_m": ""} for row in ROWS])
+    assert said == ""  # its cells say so
+
+
 @pytest.mark.parametrize("width", [80, 90, 100, 120, 140])
 def test_a_narrow_screen_breaks_no_number_and_says_what_is_missing(shown, width):
     lines, said = shown(width)

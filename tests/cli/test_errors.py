@@ -23,7 +23,7 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         ((*SWEEP, "--engine", "locl"), "no engine 'locl' (did you mean 'local'?)"),
         (("sweep", "random_destination", "-a", "sumo"), "--out DIR"),
         ((*SWEEP, "--episode-limit", "inf"), "at most 1e+08 s, three years; not inf"),
-        ((*SEARCH, "--over", "traffic.densty=[5, 30]"), "did you mean 'density'?"),
+        ((*SEARCH, "--over", "traffic.densty=[5, 30]"), "--over: traffic.densty: unknown key (did you mean"),
         ((*SEARCH, "--over", "traffic.density=5"), "--over traffic.density=5: expected KEY=[LOW, HIGH]"),
         ((*SEARCH, "--over", "traffic.density=[30, 5]"), "low 30 is above high 5"),
         ((*SEARCH, "--over", "traffic.density=[5, 5]"), "--over traffic.density: not a number with a low"),
@@ -39,7 +39,12 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         ((*SEARCH, "-a", "sumo"), "2 agents were named; `rudc search` takes one"),
         (("run", "random_destination", "--agent", ""), "the name of an agent is empty"),
         (("run", "random_destination", "--agent", "sumo+ecbf"), "SUMO itself drives"),
-        (("run", "random_destination", "--set", "traffic.densty=30"), "did you mean 'density'?"),
+        (
+            ("run", "random_destination", "--set", "traffic.densty=30"),
+            "--set: traffic.densty: unknown key (did",
+        ),
+        ((*SWEEP, "--set", "traffic.densty=[3, 30]"), "--set: traffic.densty: unknown key (did you mean"),
+        (("scenario", "preview", "fog", "--set", "ego.speed=-1"), "--set: ego.speed: -1 m/s is not between"),
         (("run", "random_destination", "--set", "traffic.density"), "expected KEY=VALUE"),
         (("run", "random_destination", "--video", "film.avi"), "a film is a .gif, .webp or .mp4"),
         (("run", "nowhere.yaml"), "nowhere.yaml: no such file"),
@@ -152,6 +157,16 @@ def test_an_agent_that_is_named_twice_counts_once_and_that_is_said(rudc):
     answer = rudc(*SWEEP, *more)
     assert answer.status == 0
     assert answer.err == "warning: --agent names follower more than once; each counts once\n"
+
+
+def test_a_scenario_that_is_given_twice_by_a_link_counts_once_and_that_is_said(rudc, tmp_path):
+    (tmp_path / "a.yaml").write_text("name: a\nepisode: {timeout: 1}\n")
+    (tmp_path / "link.yaml").symlink_to("a.yaml")
+    for given in (("a.yaml", "link.yaml", "./a.yaml"), ("*.yaml",)):
+        answer = rudc("sweep", *given, "-a", "follower", "-n", "1", "-w", "1", "-q", "-o", f"out{len(given)}")
+        assert answer.status == 0
+        said = [line for line in answer.err.splitlines() if "never arrive" not in line]
+        assert said == ["warning: link.yaml and a.yaml are the same file, which counts once"]
 
 
 def test_a_folder_that_cannot_be_is_wrong_input_whatever_it_is_for(rudc, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -91,6 +92,19 @@ def test_an_agent_of_ones_own_that_is_not_there_is_named_with_where_it_was(rudc,
     monkeypatch.chdir(tmp_path / "sub")
     lost = rudc(*ALONE, "../swept", "--episodes", "3")
     assert (lost.status, "relative to the folder in which the sweep was started" in lost.err) == (2, True)
+
+
+def test_a_checkpoint_that_is_there_and_wrong_is_not_said_to_be_elsewhere(rudc, tmp_path):
+    agent = "many/sac-seed0+ttcbf"
+    shutil.copytree(Path(__file__).parents[2] / "results" / "checkpoints" / "sac", "many/sac-seed0")
+    given = ("random_destination", "--agent", agent, *SHORT, "--episodes", "1")
+    assert rudc("sweep", *given, "--out", "swept").status == 0
+    (tmp_path / "many" / "sac-seed0" / "agent.json").write_text("{")
+    for command in ((*ALONE, "swept"), ("replay", "swept", "--episode", "1", "--out", "x.html")):
+        wrong = rudc(*command)
+        assert (wrong.status, "agent.json" in wrong.err, "named relative" in wrong.err) == (2, True, False)
+    shutil.rmtree("many")
+    assert f"{agent} is named relative to the folder in which" in rudc(*ALONE, "swept").err
 
 
 def test_a_strangers_file_of_the_same_name_is_not_run(rudc, tmp_path, monkeypatch):

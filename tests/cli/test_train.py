@@ -180,6 +180,10 @@ def test_resuming_with_another_preset_is_refused(rudc, calls, tmp_path, algorith
     [
         (("rudc-t",), "--out DIR"),
         (("--out", "x"), "which algorithm?"),
+        (
+            ("--resume", "--out", "lost"),
+            "which algorithm? lost holds no training to go on with; give one of rudc-t,",
+        ),
         (("sak", "--out", "x"), "no algorithm 'sak' (did you mean 'sac'?); there are: rudc-t"),
         (("rudc-t", "--scenario", "nowhere", "--out", "x"), "nowhere: no shipped scenario"),
         (("rudc-t", "--device", "cuda:99", "--steps", "200", "--out", "x"), "device 'cuda:99'"),

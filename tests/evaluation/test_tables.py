@@ -14,7 +14,7 @@ from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import TABLES, beside, paper_groups, paper_name
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.statistics import Summary
-from rudc.evaluation.tables import best_of, make_table, measured, named_metrics
+from rudc.evaluation.tables import best_of, cell, make_table, measured, named_metrics
 
 
 @pytest.fixture
@@ -108,6 +108,24 @@ def speeds(*values: tuple[float, float, float]) -> list[Group]:
 def test_values_without_spread_are_not_best_beyond_chance():
     """100 % of the way in 20 of 20 episodes was bold beside 16 of 20, whose share of successes was not."""
     assert best_of(speeds((10.0, 10.0, 10.0), (9.0, 8.9, 9.1)), BY, METRICS) == set()
+
+
+def test_a_rate_that_is_not_zero_does_not_look_like_it():
+    """One violation in 2,500 episodes was 0.0 %."""
+    values = {metric.name: Summary(0.04, 2.0, 0.007, 0.226) for metric in METRICS}
+    assert [cell(metric, values[metric.name]) for metric in METRICS if metric.name in ("VR", "AES")] == [
+        "0.0 [0.0, 0.2]",
+        "0.04 [0.01, 0.23]",
+    ]
+
+
+def test_json_has_columns_of_numbers_as_numbers(rows):
+    for k, row in enumerate(rows):
+        row["density"], row["redraws"], row["scenario"] = "12.5", str(k % 2), "7"
+        row["first_event_s"] = "0.5" if k % 2 else ""
+    by = ("scenario", "density", "redraws", "first_event_s")
+    lines = json.loads(make_table(rows, by, "json"))
+    assert [[line[name] for name in by] for line in lines] == [["7", 12.5, 0, ""], ["7", 12.5, 1, "0.5"]]
 
 
 def test_any_metric_can_be_shown(rows):

@@ -2,7 +2,9 @@
 
 import math
 
-from rudc.evaluation.text import csv_text, interval, markdown
+import pytest
+
+from rudc.evaluation.text import csv_text, interval, interval_of, markdown, rate_decimals
 
 
 def test_csv():
@@ -25,3 +27,18 @@ def test_intervals():
     assert interval(1.25, 1.0, 2.0) == "1.2 [1.0, 2.0]"
     assert interval(0.5, math.nan, math.nan, 3) == "0.500"
     assert interval(math.nan, math.nan, math.nan) == "–"
+
+
+@pytest.mark.parametrize(
+    ("rate", "decimals"),
+    [(0.0, 1), (0.04, 2), (0.05, 1), (-0.04, 2), (0.003, 3), (1e-14, 1), (99.96, 2), (99.9, 1), (100.0, 1),
+     (-99.96, 2), (math.nan, 1)],
+)  # fmt: skip
+def test_a_rate_looks_like_0_or_100_only_where_it_is(rate, decimals):
+    assert rate_decimals(rate) == decimals
+
+
+def test_a_line_says_its_rates_likewise_but_not_its_means():
+    line = {f"{name}{end}": 0.04 for name in ("VR", "VR_change", "AES") for end in ("", "_low", "_high")}
+    said = [interval_of(line, name) for name in ("VR", "VR_change", "AES")]
+    assert said == ["0.04 [0.04, 0.04]", "0.04 [0.04, 0.04]", "0.0 [0.0, 0.0]"]

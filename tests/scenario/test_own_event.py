@@ -392,5 +392,5 @@ def test_one_that_raises_is_named(tmp_path, monkeypatch, method):
     with World(load_network("four_way")) as world, pytest.raises(PartFailedError) as caught:
         played(world, plan)
     when = f"0.{int(method != 'begin')} s"
-    told = f"event oil_spill0 at {when}: {method} raised KeyError: 'no' (test_own_event.py:"
+    told = f"event 1 (events.0) oil_spill at {when}: {method} raised KeyError: 'no' (test_own_event.py:"
     assert str(caught.value).startswith(told)

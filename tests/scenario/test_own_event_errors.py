@@ -59,7 +59,7 @@ def begun(world, plan):
 def test_numbers_that_no_file_could_give_are_refused(tmp_path, monkeypatch, friction):
     monkeypatch.setattr(LeavesEffect, "begin", lambda self, stage: stage.set_friction(friction) or True)
     told = failure(tmp_path, LeavesEffect)
-    assert told.startswith("event leaves0 at 0.0 s: begin raised ValueError: ")
+    assert told.startswith("event 1 (events.0) leaves at 0.0 s: begin raised ValueError: ")
     assert f"set_friction(friction={friction}): expected 0.03 to 1.2" in told
 
 
@@ -84,7 +84,7 @@ def test_so_are_those_of_every_other_method(tmp_path, monkeypatch, call, told):
 def test_begin_must_say_whether_it_has_begun(tmp_path, monkeypatch):
     monkeypatch.setattr(LeavesEffect, "begin", lambda self, stage: stage.set_friction(0.5))
     told = failure(tmp_path, LeavesEffect)
-    assert told == "event leaves0 at 0.0 s: begin answered None; expected True or False"
+    assert told == "event 1 (events.0) leaves at 0.0 s: begin answered None; expected True or False"
 
 
 def test_a_misspelt_method_is_said_as_it_is_registered():

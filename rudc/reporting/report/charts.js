@@ -33,6 +33,12 @@ function signed(value, decimals) {
   return Number(text) === 0 ? text : (value > 0 ? '+' : MINUS) + text;
 }
 
+// With how many decimals a metric's value, or its change, is written: more for a rate that would look like 0 or 100 and is not.
+function decimalsOf(metric, value) {
+  const enough = [0, 1, 2, 3].map((more) => metric.decimals + more).find((n) => ![0, 100].includes(Math.abs(Number(value.toFixed(n)))));
+  return metric.is_rate ? (enough ?? metric.decimals) : metric.decimals;
+}
+
 function short(value) {
   const size = Math.abs(value);
   if (size !== 0 && (size < 0.01 || size >= 1e5)) return value.toExponential(1);

@@ -29,7 +29,7 @@ function oriented(values, turned) {
 }
 
 function pairCells(line, metric, most) {
-  const digits = metric.decimals, known = line.low !== null;
+  const digits = decimalsOf(metric, line.change), known = line.low !== null;
   const text = signed(line.change, digits) + (known ? ` [${signed(line.low, digits)}, ${signed(line.high, digits)}]` : '');
   const clear = known && (line.low > 0 || line.high < 0);
   const at = (v) => 50 + 48 * (v / most);
@@ -39,7 +39,7 @@ function pairCells(line, metric, most) {
     shape('line', { x1: at(line.change), x2: at(line.change), y1: 2, y2: 10, class: 'mark' }));
   const number = (content) => element('td', { class: 'number' }, content);
   return [
-    number(String(line.n)), number(line.a.toFixed(digits)), number(line.b.toFixed(digits)),
+    number(String(line.n)), ...[line.a, line.b].map((v) => number(v.toFixed(decimalsOf(metric, v)))),
     number(clear ? element('strong', {}, text) : text), element('td', { class: 'wide' }, picture),
     ...(metric.is_rate ? [number(String(line.onlyA)), number(String(line.onlyB)), number(line.p >= 0.001 ? line.p.toFixed(3) : line.p.toExponential(0))] : []),
   ];

@@ -9,6 +9,7 @@ from typing import Any
 from rudc.evaluation.columns import METRICS
 from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.tables import cell
+from rudc.evaluation.text import rate_decimals
 from rudc.hints import listed
 from rudc.reporting.report.episodes import Episodes
 
@@ -75,7 +76,7 @@ def _best(ranked: Sequence[Group], where: str, episodes: Episodes, data: Mapping
     first = ranked[0]
     level = [g.key[0] for g in ranked if g.metrics["SR"].mean == first.metrics["SR"].mean]
     if len(level) > 1:
-        rate = f"{first.metrics['SR'].mean:.1f} %"
+        rate = f"{_rate(first.metrics['SR'].mean)} %"
         said = [f"{listed(level, _LISTED)} succeed equally often {where}, none more often: SR {rate}."]
     else:
         rates = ", ".join(f"{m.name} {cell(m, first.metrics[m.name])}" for m in _RATES)
@@ -102,7 +103,8 @@ def _against(first: int, other: int, data: Mapping[str, Any]) -> str:
         change, low, high = sign * value[3] + 0.0, *sorted((sign * value[4], sign * value[5]))
         clear = (low > 0.0 or high < 0.0) and value[8] < _SURE
         chance = "" if clear else f", which may be chance (McNemar's p = {value[8]:.2g})"
-        parts.append(f"{name} {change:+.1f} points [{low:+.1f}, {high:+.1f}]{chance}")
+        n = rate_decimals(change)
+        parts.append(f"{name} {change:+.{n}f} points [{low:+.{n}f}, {high:+.{n}f}]{chance}")
     return f"{'; '.join(parts)} (n = {max(value[0] for value in values)})"
 
 
@@ -116,11 +118,15 @@ def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:
         for name, values in zip(data["scenarios"], data["heat"]["SR"], strict=True)
         if values[column] is not None
     ]
-    hard = [f"{name} ({rate:.1f} %)" for rate, name in sorted(known)[:_NAMED] if rate < 100.0]
+    hard = [f"{name} ({_rate(rate)} %)" for rate, name in sorted(known)[:_NAMED] if rate < 100.0]
     if not hard:
         driven = "every scenario" if len(known) == len(data["scenarios"]) else "all scenarios that it drove"
         return [f"{agent} succeeds in every episode of {driven}."]
     return [f"The hardest scenarios for {agent}, by SR: {', '.join(hard)}."]
+
+
+def _rate(percent: float) -> str:
+    return f"{percent:.{rate_decimals(percent)}f}"
 
 
 def _events(data: Mapping[str, Any]) -> list[str]:

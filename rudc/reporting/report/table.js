@@ -36,7 +36,7 @@ function drawHeat() {
 
 function heatCell(value, metric, share) {
   if (!value) return element('td', { class: 'none' }, '–');
-  const [mean, low, high] = value.map((v) => v?.toFixed(metric.decimals));
+  const [mean, low, high] = value.map((v) => v?.toFixed(decimalsOf(metric, value[0])));
   const interval = low === undefined ? 'too few different values for an interval' : `95 % interval ${low} to ${high}`;
   const depth = Math.round(4 + 46 * share(value[0]));
   return element('td', { style: `background: color-mix(in srgb, var(--accent) ${depth}%, var(--card))`, title: `${mean}, ${interval}` }, mean);

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Generic, Protocol, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator
@@ -71,6 +71,27 @@ class Event(FileModel, frozen=True):
         waits = event.when.conditions or event.when.any
         when = event.when.model_copy(update={"probability": None}) if waits else None
         return event.model_copy(update={"when": when})
+
+
+class Called(Protocol):
+    """What has the kind of an event and, if it has one, its name."""
+
+    @property
+    def kind(self) -> str:
+        """Which kind of event."""
+        ...
+
+    @property
+    def name(self) -> str | None:
+        """Its name in the file."""
+        ...
+
+
+def numbered(number: int, event: Called) -> str:
+    """`2 (events.1, lorry) hard_brake`: an event's number as pictures show it, its key in the file, its name
+    if it has one, and its kind."""
+    called = f", {event.name}" if event.name else ""
+    return f"{number} (events.{number - 1}{called}) {event.kind}"
 
 
 class VehicleEvent(Event, frozen=True):

@@ -16,7 +16,7 @@ from rudc.errors import InputError
 from rudc.imports import ask_own, import_first_elsewhere, import_offered, is_own, refused, shortened
 from rudc.scenario.base import again
 from rudc.scenario.events.checked_stage import checked
-from rudc.scenario.events.event import Effect, Event
+from rudc.scenario.events.event import Effect, Event, numbered
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.units import bounds_of
 
@@ -74,13 +74,16 @@ def effect_of(event: Event, name: str) -> Effect[Any]:
     return _REGISTERED[event.kind].effect(event, name)
 
 
-def ask_effect(effect: Effect[Any], method: str, stage: Stage, time_s: float | None = None) -> Any:
-    """What a method of the effect answers. Raises PartFailedError where one that is not RUDC's fails, gives
-    the stage a number that no file could, or answers neither True nor False where it should."""
+def ask_effect(
+    effect: Effect[Any], method: str, stage: Stage, number: int, time_s: float | None = None
+) -> Any:
+    """What a method of the effect answers; `number`: that of its event in the file, from 1. Raises
+    PartFailedError where one that is not RUDC's fails, gives the stage a number that no file could, or
+    answers neither True nor False where it should."""
     call = getattr(effect, method)
     if not is_own(effect):
         return call(stage)
-    who = f"event {effect.name}"
+    who = f"event {numbered(number, effect.event)}"
     answer = ask_own(who, time_s, method, lambda: call(checked(stage)))
     if method in ("begin", "is_over") and not isinstance(answer, bool | np.bool_):
         raise refused(who, time_s, method, shortened(answer), "True or False")

@@ -3,7 +3,8 @@
 The kinds of event are in `rudc.scenario.events`, one file each.
 """
 
-from rudc.world.events.account import event_lines, numbered
+from rudc.scenario.events.event import numbered
+from rudc.world.events.account import event_lines
 from rudc.world.events.script import Happening, Script
 from rudc.world.events.stage import WorldStage
 

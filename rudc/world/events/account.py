@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
+
+from rudc.scenario.events.event import numbered
 
 if TYPE_CHECKING:
     from rudc.scenario.base import FileModel
@@ -20,27 +22,6 @@ def event_lines(plan: EpisodePlan, happenings: Sequence[Happening]) -> list[str]
         if number not in lines:
             lines[number] = f"{numbered(number, event)}: not in this episode, its probability decided so"
     return [lines[number] for number in sorted(lines)]
-
-
-class Called(Protocol):
-    """What has the kind of an event and, if it has one, its name."""
-
-    @property
-    def kind(self) -> str:
-        """Which kind of event."""
-        ...
-
-    @property
-    def name(self) -> str | None:
-        """Its name in the file."""
-        ...
-
-
-def numbered(number: int, event: Called) -> str:
-    """`2 (events.1, lorry) hard_brake`: an event's number as pictures show it, its key in the file, its name
-    if it has one, and its kind."""
-    called = f", {event.name}" if event.name else ""
-    return f"{number} (events.{number - 1}{called}) {event.kind}"
 
 
 def _line(number: int, happening: Happening) -> str:

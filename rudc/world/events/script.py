@@ -75,17 +75,17 @@ class Script:
         if scene.ego.v < STANDING:
             stage.sudden.clear()
         for effect in list(self._active):
-            if ask_effect(effect, "is_over", stage, stage.time_s):
-                ask_effect(effect, "end", stage, stage.time_s)
+            if self._ask(effect, "is_over"):
+                self._ask(effect, "end")
                 self._active.remove(effect)
                 self._reach(effect, "over")
                 if self._lasting.get(type(effect)) is effect:  # an own one that ends by itself
                     del self._lasting[type(effect)]
                 replaced = self._lasting.get(type(effect))
-                if replaced is not None and ask_effect(replaced, "begin", stage, stage.time_s):
+                if replaced is not None and self._ask(replaced, "begin"):
                     self._active.append(replaced)
             else:
-                ask_effect(effect, "step", stage, stage.time_s)
+                self._ask(effect, "step")
         begun = self._begin([effect for effect in self._waiting if self._is_due(effect, scene)])
         stage.brakes.go_on()
         return begun
@@ -131,7 +131,7 @@ class Script:
         self._refused = {}
         for effect in sorted(effects, key=lambda effect: not (effect.felt or effect.underfoot)):
             stage.no_room, effect.begun_s = False, stage.time_s
-            if ask_effect(effect, "begin", stage, stage.time_s):
+            if self._ask(effect, "begin"):
                 begun.append(effect)
             else:
                 self._refused[effect.name] = stage.no_room
@@ -150,6 +150,9 @@ class Script:
             if effect.replaceable and getattr(effect.event, "duration", None) is None:
                 self._lasting[type(effect)] = effect
         return tuple(effect.name for effect in begun)
+
+    def _ask(self, effect: Effect[Any], method: str) -> Any:
+        return ask_effect(effect, method, self._stage, self._numbers[effect.name] + 1, self._stage.time_s)
 
     def _reach(self, effect: Effect[Any], state: str) -> None:
         """Note that an event has begun, or is over, for those that wait for it."""

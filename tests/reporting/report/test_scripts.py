@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rudc.evaluation.columns import METRICS
 from rudc.evaluation.tables import heading
+from rudc.evaluation.text import rate_decimals
 from rudc.reporting.report import page
 from tests.reporting.browser import in_node
 
@@ -44,6 +45,7 @@ def test_a_difference_has_the_unit_of_its_metric_if_any(tmp_path):
     data = {"agents": ["a", "b"], "scenarios": ["s"], "metrics": metrics, "pairs": pairs}
     before = """
     const element = (_, __, ...children) => children.flat(), shape = element, signed = String;
+    const decimalsOf = () => 1;
     const holder = { replaceChildren: (_, head) => told.push(head.flat(3)[4]) }, told = [];
     const find = () => holder, chosen = (id) => ({ 'pair-a': 0, 'pair-b': 1, 'pair-metric': asked })[id];
     let asked;
@@ -59,3 +61,15 @@ def test_a_difference_has_the_unit_of_its_metric_if_any(tmp_path):
         "AES": "difference (m/s)", "AER": "difference", "VR": "difference (points)",
         "min_DTC": "difference (m)",
     }  # fmt: skip
+
+
+def test_a_rate_looks_like_0_or_100_only_where_it_is(tmp_path):
+    script = (FOLDER / "charts.js").read_text(encoding="utf-8")
+    rates = [0, 0.04, -0.04, 0.003, 5, 99.96, 100]
+    before = "const find = () => ({ textContent: '{}' });"
+    code = f"""
+    const of = (is_rate) => {rates}.map((rate) => decimalsOf({{ is_rate, decimals: 1 }}, rate));
+    console.log(JSON.stringify([of(true), of(false)]));
+    """
+    told = in_node(before + script + code, tmp_path)
+    assert told == [[rate_decimals(rate) for rate in rates], [1] * len(rates)]
