@@ -114,7 +114,8 @@ def _run(swept: Swept, order: Order, progress: Callable[[str], Progress]) -> Rep
     trainings = trainings_for(list(wanted.values()), seeds, order, TRAINING[order.budget], progress)
     value_of = {t.agent: value for value, want in wanted.items() for t in trainings.of(want.name)}
     if not value_of:
-        raise InputError(f"no training to drive with: {'; '.join(trainings.missing)}")
+        where = "" if order.trainings is None else f" in {order.trainings}"
+        raise InputError(f"no training to drive with{where}: {'; '.join(trainings.missing)}")
     make_folder(out)
     plan = SweepPlan(in_distribution(), tuple(value_of), order.episodes or EPISODES[order.budget], order.seed)
     with trainings.named_from():
