@@ -24,7 +24,7 @@ from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder, past_links
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.studies.base import Order, Report, family, write
-from rudc.studies.page import RATES, page
+from rudc.studies.page import OF_RATES, page
 from rudc.training.log_curves import BIN, RATE_COLUMNS, Key, Measured, Series, read_training
 
 SAID = (
@@ -34,7 +34,7 @@ SAID = (
     "curves.csv have the same over the whole training."
 )
 WORDS = {
-    **RATES,
+    **OF_RATES,
     "arms": "of which arms the EV came: `all`, or those that are `major` (with priority) or `minor`",
     "trainings": "how many there are, each with a training seed of its own",
     "steps": "decisions that had been trained when the evaluation was driven",
@@ -129,7 +129,8 @@ def band_of(measured: Sequence[Measured], *, rate: bool) -> Band:
     mean, (low, high) = float(values.mean()), student(values)
     if not rate or np.isnan(mean):
         return Band(mean, low, high)
-    cells = [np.arange(m.episodes) < round(m.value * m.episodes / 100) for m in measured]
+    counts = [(m.episodes, round(m.value * m.episodes / 100)) for m in measured]
+    cells = [(np.arange(n) < happened).astype(float) for n, happened in counts]
     low, high = at_least_wilsons((low, high), cells)
     return Band(mean, max(low, 0.0), min(high, 100.0))
 

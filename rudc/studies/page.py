@@ -7,14 +7,13 @@ from collections.abc import Iterable, Mapping
 from rudc.imports import rudc_command
 from rudc.studies.base import Order
 
-POINTS = "a change in percentage points: from 95 to 97 % is 2"
-CONSTRAINED = {
-    "constrained": "which vehicles the filter keeps clear of: `gated`, those whose predicted path meets the "
-    "EV's; `all`, every one",
+OF_CONSTRAINED = {
+    "constrained": "the vehicles that the filter keeps clear of: `gated`, those whose predicted path meets "
+    "the EV's; `all`, every one",
 }
-RATES = {
-    "SR, VR, FR": "share of episodes that ended in success, in a violation, frozen; "
-    "in brackets the 95 % interval",
+OF_RATES = {
+    "SR, VR, FR": "share of episodes that ended in success, in a violation, frozen; in brackets the 95 % "
+    "interval",
 }
 """words of several studies"""
 

@@ -56,7 +56,7 @@ COMMANDS = {
 }
 WHOLE = ("sigma", "ablation-case")
 """studies whose episodes end as they do"""
-RESUMED = {"filter": None, "latency": None, "ood-case": -1, "sensitivity-ensemble": 0}
+RESUMED = {"filter": None, "latency": None, "ood-case": 2, "sensitivity-ensemble": 4}
 """study -> the line of its page that comes out the same, None for all: the others have times in them"""
 
 
