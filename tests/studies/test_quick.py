@@ -186,6 +186,7 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys, few, t
         assert figure.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
     (page,) = out.glob("*.md") if name not in ("comparison", "ablation") else [out / f"{name}.md"]
     assert page.read_text(encoding="utf-8") == said.out
+    assert said.out.startswith(f"# Study {name}\n\n")
     FOUND.get(name, lambda _: None)(out)
     if name not in RESUMED:
         return
