@@ -25,6 +25,7 @@ from rudc.errors import SimulationError, SweepError
 from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_columns
 from rudc.evaluation.manifest import (
     FORMAT,
+    agent_algorithms,
     agent_digests,
     agent_reads,
     as_json,
@@ -293,7 +294,17 @@ def sweep_rows(path: str | Path) -> SweepRows:
             yield {name: known.get(name, nothing) for name in names}
 
     lacking = frozenset(missing_columns(there))
-    return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file), lacking)
+    return SweepRows(
+        names, parameters, lambda: undamaged(columns(), parameters, file), lacking, _algorithms(path)
+    )
+
+
+def _algorithms(path: Path) -> dict[str, str]:
+    """Agent -> algorithm, as a folder's manifest says it; empty without a sound one."""
+    try:
+        return agent_algorithms(read_manifest(path))
+    except SweepError:
+        return {}
 
 
 def _named(path: Path) -> dict[str, set[str]]:

@@ -58,7 +58,14 @@ def joined_rows(folders: Sequence[Path], by: Sequence[str], warnings: list[str])
 
     lacking = frozenset.union(*(rows.lacking for rows in found.values()))
     read = _each_once(blocks, scenarios, parameters) if together else blocks
-    return SweepRows(columns, parameters, read, lacking)
+    told = [rows.algorithms for rows in found.values()]
+    algorithms = {
+        agent: name
+        for of in told
+        for agent, name in of.items()
+        if all(other.get(agent, name) == name for other in told)
+    }
+    return SweepRows(columns, parameters, read, lacking, algorithms)
 
 
 def _each_once(

@@ -130,6 +130,16 @@ def agent_digests(content: Mapping[str, Any]) -> dict[str, str]:
     return {name: _digest(_but_reads(settings)) for name, settings in agents.items()}
 
 
+def agent_algorithms(content: Mapping[str, Any]) -> dict[str, str]:
+    """The algorithms by which agents of a manifest learnt, those with a filter behind them left out."""
+    agents = content["configuration"]["agents"]
+    return {
+        name: settings["algorithm"]
+        for name, settings in agents.items()
+        if "algorithm" in settings and "predictor" not in settings
+    }
+
+
 def agent_reads(content: Mapping[str, Any], agent: str) -> dict[str, str]:
     """Name -> digest of each data file that an agent of a manifest read when it was made."""
     return content["configuration"]["agents"][agent].get("reads", {})

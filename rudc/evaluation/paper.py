@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rudc.errors import InputError
@@ -53,11 +53,13 @@ def tasks(table: str) -> list[str]:
     return list(dict.fromkeys(group.key[0] for group in paper_groups(table, ["scenario", "agent"])))
 
 
-def beside(ours: Sequence[Group], theirs: Sequence[Group], at: int) -> list[Group]:
+def beside(
+    ours: Sequence[Group], theirs: Sequence[Group], at: int, algorithms: Mapping[str, str]
+) -> list[Group]:
     """Our groups, the last one of each algorithm followed by the paper's group of that algorithm; then the
-    paper's other groups. `at`: where in their keys the agent stands.
+    paper's other groups. `at`: where in their keys the agent stands. `algorithms`: see `paper_name`.
     """
-    names = [paper_name(group.key[at]) + _MARK for group in ours]
+    names = [paper_name(group.key[at], algorithms) + _MARK for group in ours]
     found: list[Group] = []
     for k, (group, name) in enumerate(zip(ours, names, strict=True)):
         found.append(group)
@@ -66,11 +68,15 @@ def beside(ours: Sequence[Group], theirs: Sequence[Group], at: int) -> list[Grou
     return found + [other for other in theirs if other.key[at] not in names]
 
 
-def paper_name(agent: str) -> str:
-    """What the paper's tables call an agent that is named as its algorithm, or with a training seed behind it
-    (`sac-seed1`); empty for others, settings of its own included.
+def paper_name(agent: str, algorithms: Mapping[str, str]) -> str:
+    """What the paper's tables call an agent that drives as it learnt; empty for others, those with settings
+    behind their names included. `algorithms`: agent -> the algorithm that it learnt by; an agent that is not
+    there is called as its algorithm, or with a training seed behind it (`sac-seed1`).
     """
-    algorithm = ALGORITHMS.get(re.sub(r"-seed\d+$", "", agent))
+    _, colon, text = agent.rpartition(":")
+    if colon and "=" in text:
+        return ""
+    algorithm = ALGORITHMS.get(algorithms.get(agent) or re.sub(r"-seed\d+$", "", agent))
     return "" if algorithm is None else algorithm.paper
 
 

@@ -5,7 +5,7 @@ numbers, each episode once. Of a million rows only a block is in memory.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,8 @@ class SweepRows:
     """reads them from the first on. Raises SweepError, with the line's number, where one is damaged"""
     lacking: frozenset[str] = frozenset()
     """columns of `COLUMNS` that the file does not have; they read as empty"""
+    algorithms: Mapping[str, str] = field(default_factory=dict)
+    """agent -> the algorithm that it learnt by, as far as the folder's manifest says it"""
 
 
 def by_column(rows: Sequence[Row], names: Iterable[str]) -> Columns:

@@ -95,9 +95,20 @@ def over_seeds(
     draws = _draws(known, seeds, scenarios, resamples, seed)
     ends = [_ends(np.nanmean(draws, axis=1), episodes), _ends(interquartile_mean(draws), episodes)]
     if rate:
-        ends[0] = _at_least_wilsons(ends[0], list(known.values()))
+        ends[0] = at_least_wilsons(ends[0], list(known.values()))
     middle = float(interquartile_mean(means.reshape(1, -1))[0])
     return OverSeeds(float(np.nanmean(means)), std, *ends[0], middle, *ends[1], len(seeds), episodes)
+
+
+def at_least_wilsons(ends: tuple[float, float], cells: Sequence[Array]) -> tuple[float, float]:
+    """An interval of a rate, in percent, or Wilson's where that reaches farther. `cells`: (n,) each, not 0
+    where an episode has it; each cell counts the same.
+    """
+    n = len(cells) ** 2 / sum(1 / len(values) for values in cells)
+    happened = n * sum(np.count_nonzero(values) / len(values) for values in cells) / len(cells)
+    n, happened = round(n, 9), round(happened, 9)  # whole numbers where cells are equal
+    low, high = wilson(min(happened, n), n)
+    return float(np.fmin(ends[0], 100 * low)), float(np.fmax(ends[1], 100 * high))
 
 
 def interquartile_mean(values: Array) -> Array:
@@ -193,12 +204,3 @@ def _ends(draws: Array, episodes: int) -> tuple[float, float]:
         return math.nan, math.nan
     low, high = np.quantile(known, [0.025, 0.975])
     return round(float(low), 9), round(float(high), 9)
-
-
-def _at_least_wilsons(ends: tuple[float, float], cells: Sequence[Array]) -> tuple[float, float]:
-    """In percent. The interval, or Wilson's where that reaches farther."""
-    n = len(cells) ** 2 / sum(1 / len(values) for values in cells)
-    happened = n * sum(np.count_nonzero(values) / len(values) for values in cells) / len(cells)
-    n, happened = round(n, 9), round(happened, 9)  # whole numbers where cells are equal
-    low, high = wilson(min(happened, n), n)
-    return float(np.fmin(ends[0], 100 * low)), float(np.fmax(ends[1], 100 * high))

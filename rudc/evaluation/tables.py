@@ -72,8 +72,8 @@ def measured(
     against: str | None = None,
     metrics: Sequence[Metric] = (*METRICS, DECISION_MS),
 ) -> list[Group]:
-    """The groups of a table, `in_order`; those of the paper beside ours of the same name and scenario, or
-    after them.
+    """The groups of a table, `in_order`; those of the paper beside ours of the same algorithm and
+    scenario, or after them.
     """
     names = rows.names if isinstance(rows, SweepRows) else tuple(rows[0]) if rows else ()
     if not names:
@@ -93,10 +93,12 @@ def measured(
     scenarios = list(dict.fromkeys(group.key[at] for group in groups))
     families = [(s, [g for g in groups if g.key[at] == s]) for s in scenarios]
     theirs = paper_groups(against, by, metrics)
+    algorithms = rows.algorithms if isinstance(rows, SweepRows) else {}
+    agent = list(by).index("agent")
     return [
         group
         for scenario, ours in families
-        for group in beside(ours, [g for g in theirs if g.key[at] == scenario], list(by).index("agent"))
+        for group in beside(ours, [g for g in theirs if g.key[at] == scenario], agent, algorithms)
     ]
 
 

@@ -42,7 +42,7 @@ class Curve(NamedTuple):
 
 
 def draw_curves(curves: Sequence[Curve], path: Path) -> Path:
-    """Mean over trainings and 95 % band."""
+    """Mean over trainings and 95 % band; of one training only its rates have a band."""
     places = list(dict.fromkeys(c.place for c in curves))
     agents = {c.agent: c.trainings for c in curves}
     styles: dict[str, dict[str, str]] = {
@@ -87,7 +87,7 @@ def _handles(agents: dict[str, int], styles: dict[str, dict[str, str]]) -> list:
 
     handles = []
     for name, n in agents.items():
-        of = f"mean and 95 % band of {n} trainings" if n > 1 else "one training"
+        of = f"mean and 95 % band of {n} trainings" if n > 1 else "one training, 95 % band of its rates"
         handles.append(
             Line2D([], [], color=styles[name]["color"], ls=styles[name]["ls"], label=f"{name}, {of}")
         )

@@ -29,6 +29,7 @@ from rudc.reporting.density import Cloud, density
 from rudc.scenario import find_scenarios
 from rudc.studies.base import Order, Report, kinds_of_errors, write
 from rudc.studies.case import Driver, case_lines, chosen_seed, drive, drivers, scaled_correction, seeds_note
+from rudc.studies.page import OF_RATES, page
 from rudc.studies.step_files import StepRunner, read_steps
 from rudc.studies.turning import bins, turning_point
 from rudc.world.scene import Scene
@@ -49,6 +50,13 @@ DRIVERS = {
 EPISODES = {"quick": 4, "full": 60}
 """by budget: decisions are counted in all of them, and the episode shown is chosen from them"""
 ROWS = ("map", "density", "acceleration", "steering", "sigma")
+WORDS = {
+    **OF_RATES,
+    "decisions": "of all episodes, of agents that state sigma",
+    "corrected": "share of them that the filter changed by more than 0.01, both numbers scaled to [-1, 1]",
+    "turning point": "sigma_total from which on the median of the correction, or its 90th percentile, is "
+    "clearly above 0.01; – where there is none",
+}
 RATES = ("SR", "VR", "FR")
 
 
@@ -91,7 +99,11 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     clouds = {driver.label: cloud_of(stated[driver.agent]) for driver in shown}
     lines = summaries(shown, clouds, result.rows)
     binned = [{"agent": label, **b._asdict()} for label, cloud in clouds.items() for b in cloud.bins]
-    table = f"{as_markdown(lines)}\n{seeds_note(result.rows, seed, shown)}"
+    said = (
+        f"Each variant drove {plan.episodes} episode(s) of {SCENARIO}; the one shown was driven again. "
+        f"{seeds_note(result.rows, seed, shown)}"
+    )
+    table = page("ablation-case", order, said, [as_markdown(lines)], WORDS)
     files = (
         write(order.out / "ablation_case.csv", csv_text([m for case in cases for m in case_lines(case)])),
         write(order.out / "ablation_case_agents.csv", csv_text(lines)),

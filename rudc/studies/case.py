@@ -185,5 +185,5 @@ def seeds_note(rows: Sequence[Row], seed: int, shown: Sequence[Driver]) -> str:
     return (
         f"Shown is seed {seed}, of {seeds[0]} to {seeds[-1]}: of those that {shown[0].label} succeeds in (of "
         "all, if there is none) the one in which most others do not, then with the most different outcomes, "
-        "then the lowest.\n"
+        "then the lowest."
     )

@@ -51,7 +51,7 @@ STUDIES = {
         ),
         Study(
             "curves",
-            "Training curves, mean and 95 % band over training seeds.",
+            "Training curves, mean and 95 % band of trainings with several seeds.",
             curves.run,
             takes=frozenset(("folders",)),
         ),

@@ -24,10 +24,11 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import csv_text, interval_of, markdown, number
+from rudc.evaluation.text import MISSING, csv_text, interval_of, markdown, number
 from rudc.files import make_folder
 from rudc.reporting.cbf_grid import draw_grid
 from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, write
+from rudc.studies.page import OF_CONSTRAINED, OF_RATES, page
 
 DRIVERS = {"quick": ("follower",), "full": ("follower", "rudc-wo-cbf")}
 """drivers in front of the filter when none are named, by budget"""
@@ -41,6 +42,13 @@ ECBF = {"quick": (0.3, 1.5), "full": (0.1, 0.3, 0.75, 1.5, 3.0)}
 """1/s, either lambda, by budget"""
 PAPER = {"ttcbf": (0.1,), "ecbf": (1.5, 0.3)}
 """what the paper chose"""
+WORDS = {
+    **OF_RATES,
+    **OF_CONSTRAINED,
+    "λ1, λ2": "how fast a barrier may be approached: λ1 alone of TTCBF, both in 1/s of ECBF",
+    "point": "`paper's`, the one that the paper chose; `chosen`, the one with the fewest violations here, of "
+    "these the one with the most successes",
+}
 _ROWS_ALONE = "correction.last_resort=off"
 
 
@@ -90,7 +98,11 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         progress=progress("cbf-grid"),
     )  # fmt: skip
     lines = lines_of(result.rows, by_agent)
-    table = as_markdown(lines)
+    said = (
+        f"Each driver drove {plan.episodes} episode(s) of each of the two tasks with each point of the grids "
+        "in the filter behind it, without slack, residual and last resort."
+    )
+    table = page("cbf-grid", order, said, [as_markdown(lines)], WORDS)
     files = (
         write(order.out / "cbf_grid.csv", csv_text(lines)),
         write(order.out / "cbf_grid.md", table),
@@ -128,22 +140,14 @@ def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -
 def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     """The lines, to read."""
     headings = [
-        "driver",
-        "constrained",
-        "rule",
-        "λ",
-        "",
-        "episodes",
-        "SR (%)",
-        "FR (%)",
-        "VR (%)",
+        "driver", "constrained", "rule", "λ1", "λ2", "point", "episodes", "SR (%)", "FR (%)", "VR (%)",
         "AES (m/s)",
-    ]
+    ]  # fmt: skip
     rows = []
     for line in lines:
-        rates = f"{line['rate1']:g}" + (f", {line['rate2']:g}" if line["rule"] == "ecbf" else "")
+        rates = [f"{line['rate1']:g}", f"{line['rate2']:g}" if line["rule"] == "ecbf" else MISSING]
         said = [text for text, key in (("paper's", "paper"), ("chosen", "chosen")) if line[key]]
         values = [interval_of(line, rate) for rate in ("SR", "FR", "VR")]
-        name = [line["driver"], line["constrained"], line["rule"], rates, ", ".join(said)]
+        name = [line["driver"], line["constrained"], line["rule"], *rates, ", ".join(said) or MISSING]
         rows.append([*name, str(line["episodes"]), *values, number(line["AES"])])
-    return markdown(headings, rows, left=5)
+    return markdown(headings, rows, left=6)

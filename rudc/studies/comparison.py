@@ -114,7 +114,8 @@ def run(order: Order, progress: Callable[[str], Progress], name: str = "comparis
     added, missing = _drivers(asked, trainings)
     drivers = sorted([*added, *kept], key=lambda driver: (rows.index(driver.row), driver.trained.seed))
     if not drivers:
-        raise InputError(f"no agent to drive: {'; '.join(missing)}")
+        where = "" if order.trainings is None else f" in {order.trainings}"
+        raise InputError(f"no agent to drive{where}: {'; '.join(missing)}")
     make_folder(order.out)
     ran = ran._replace(drivers=tuple(drivers), missing=(*missing, *left_out))
     errors: list[str] = []
@@ -292,8 +293,11 @@ def _trainings_markdown(ran: Ran) -> str:
         absent = [t for t in ran.missing if t.partition(": ")[0].rstrip("0123456789") in stems]
         steps = ", ".join(map(str, dict.fromkeys(t.steps for t in own)))
         seeds = ", ".join(str(t.seed) for t in own)
-        rows.append([row.heading, row.name, seeds or "none", steps or MISSING, "; ".join(absent) or MISSING])
-    return markdown(["", "row", "training seeds", "decisions", "missing"], rows, left=5)
+        agents = ", ".join(d.trained.agent for d in ran.drivers if d.row == row)
+        said = [agents, seeds, steps, "; ".join(absent)]
+        rows.append([row.heading, row.name, *(text or MISSING for text in said)])
+    headings = ["", "row", "trainings", "training seeds", "decisions", "missing"]
+    return markdown(headings, rows, left=len(headings))
 
 
 def _episodes(ran: Ran, out: Path) -> list[Path]:

@@ -1,30 +1,46 @@
-"""Training curves of several trainings: mean and 95 % band over training seeds.
+"""Training curves of several trainings: mean and 95 % band.
 
-With x_1 ... x_n the values of n trainings at one number of decisions, mean +- t s / sqrt(n), s their standard
-deviation and t the 97.5 percentile of Student's distribution with n - 1 degrees of freedom; rates are cut off
-at 0 and 100 %. There is no band for a single training. Trainings are alike if their folders' names differ
+The interval of a mean over n trainings is Student's of their n values (rudc/evaluation/statistics.py). That
+of a rate is at least as wide as Wilson's of all their episodes, since trainings that all succeed in their few
+episodes are not certain to succeed in others; of a single training it is Wilson's. Rates stay within 0 and
+100 %. Trainings are alike if their folders' names differ
 only in `-seedN`; of two folders of the same name, those that lie together. Only what all of them reached is
 shown. Where the values come from says rudc/training/log_curves.py.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
 
-from rudc.arrays import Array
 from rudc.errors import InputError
+from rudc.evaluation.seeds import at_least_wilsons
+from rudc.evaluation.statistics import student
 from rudc.evaluation.sweep import Progress
 from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder, past_links
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.studies.base import Order, Report, family, write
-from rudc.training.log_curves import BIN, RATE_COLUMNS, Key, Series, read_training
+from rudc.studies.page import OF_RATES, page
+from rudc.training.log_curves import BIN, RATE_COLUMNS, Key, Measured, Series, read_training
+
+SAID = (
+    "The last evaluations of trainings that differ in their training seed only: mean over the trainings, and "
+    "in brackets its 95 % interval. That of the reward is Student's over the trainings; that of a rate is at "
+    "least as wide as Wilson's of all their episodes, and Wilson's alone for one training. The figure and "
+    "curves.csv have the same over the whole training."
+)
+WORDS = {
+    **OF_RATES,
+    "arms": "of which arms the EV came: `all`, or those that are `major` (with priority) or `minor`",
+    "trainings": "how many there are, each with a training seed of its own",
+    "steps": "decisions that had been trained when the evaluation was driven",
+    "episodes": "of all trainings together, in that evaluation",
+    "reward": "sum of an episode's rewards, mean over episodes",
+}
 
 
 class Band(NamedTuple):
@@ -53,7 +69,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         said = "; ".join(without)
         raise InputError(said or "these trainings have no step in common that all of them reached")
     make_folder(order.out)
-    table = as_markdown(lines)
+    table = page("curves", order, SAID, [as_markdown(lines)], WORDS)
     files = (
         write(order.out / "curves.csv", csv_text(lines)),
         write(order.out / "curves.md", table),
@@ -89,7 +105,7 @@ def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[s
     for key in keys:
         series = [training[key] for training in trainings]
         for step in sorted(set.intersection(*(set(s) for s in series))):
-            band = band_of(np.array([s[step] for s in series]), rate=key[3] in RATE_COLUMNS)
+            band = band_of([s[step] for s in series], rate=key[3] in RATE_COLUMNS)
             source, scenario, priority, metric = key
             lines.append(
                 {
@@ -100,21 +116,23 @@ def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[s
                     "metric": metric,
                     "steps": step,
                     "trainings": len(series),
+                    "episodes": sum(s[step].episodes for s in series),
                     **band._asdict(),
                 }
             )
     return lines
 
 
-def band_of(values: Array, *, rate: bool) -> Band:
-    """Mean of values (n,) and its 95 % interval, within [0, 100] if it is a rate; nan for one."""
-    mean, n = float(values.mean()), len(values)
-    if n < 2:
-        return Band(mean, math.nan, math.nan)
-    half = float(student.ppf(0.975, n - 1)) * float(values.std(ddof=1)) / math.sqrt(n)
-    if rate:
-        return Band(mean, max(mean - half, 0.0), min(mean + half, 100.0))
-    return Band(mean, mean - half, mean + half)
+def band_of(measured: Sequence[Measured], *, rate: bool) -> Band:
+    """Mean over trainings and its 95 % interval, of a `rate` within [0, 100]; nan where there is none."""
+    values = np.array([m.value for m in measured])
+    mean, (low, high) = float(values.mean()), student(values)
+    if not rate or np.isnan(mean):
+        return Band(mean, low, high)
+    counts = [(m.episodes, round(m.value * m.episodes / 100)) for m in measured]
+    cells = [(np.arange(n) < happened).astype(float) for n, happened in counts]
+    low, high = at_least_wilsons((low, high), cells)
+    return Band(mean, max(low, 0.0), min(high, 100.0))
 
 
 def shortened(trainings: Mapping[str, Sequence[Mapping[Key, Series]]]) -> list[str]:
@@ -140,9 +158,9 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
     for key, metrics in last.items():
         first = next(iter(metrics.values()))
         values = [interval(*(metrics[m][part] for part in Band._fields)) for m in (*RATE_COLUMNS, "reward")]
-        rows.append([*key, str(first["trainings"]), str(first["steps"]), *values])
-    names = ("SR (%)", "VR (%)", "FR (%)", "reward")
-    return markdown(["agent", "scenario", "arms", "trainings", "steps", *names], rows, left=3)
+        rows.append([*key, *(str(first[column]) for column in ("trainings", "steps", "episodes")), *values])
+    names = [*(f"{rate} (%) [trainings, episodes]" for rate in RATE_COLUMNS), "reward [trainings]"]
+    return markdown(["agent", "scenario", "arms", "trainings", "steps", "episodes", *names], rows, left=3)
 
 
 def curves(lines: Sequence[Mapping]) -> list[Curve]:

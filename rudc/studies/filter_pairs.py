@@ -87,12 +87,13 @@ def compare(new: Mapping[Key, Row], old: Mapping[Key, Row]) -> dict[str, Any]:
 def pairs_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     """The pairs, to read."""
     headings = [
-        "agent", "scenarios", "constrained", "adaptive", "constant", "episodes", "VR change", "FR change",
-        "speed change (m/s)", "dominates",
+        "agent", "scenarios", "constrained", "adaptive", "constant", "d_safe (m)", "episodes",
+        "VR change (points)", "FR change (points)", "speed change (m/s)", "dominates",
     ]  # fmt: skip
     rows = [
         [
             *(line[key] for key in ("agent", "domain", "constrained", "adaptive", "constant")),
+            f"{line['d_safe_m']:g}",
             str(line["episodes"]),
             *(_change(line, rate) for rate in ("VR", "FR")),
             interval(line["speed_change"], line["speed_low"], line["speed_high"], 2),

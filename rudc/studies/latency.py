@@ -33,6 +33,7 @@ from rudc.files import make_folder, past_links
 from rudc.reporting.latency import Cost, draw_latency
 from rudc.scenario import find_scenarios
 from rudc.studies.base import Order, Report, kinds_of_errors, write
+from rudc.studies.page import page
 from rudc.studies.step_files import StepRunner, read_steps
 from rudc.studies.stopwatch import Stopwatch, timing
 from rudc.world.scene import Scene
@@ -74,6 +75,26 @@ WALL = "by the wall's clock"
 PARTS = tuple(dict.fromkeys((*PLACES.values(), REST)))
 CBF = ("residual", "constraints", "rows", "QP", "last resort")
 """parts that the paper calls HOCBF"""
+
+WORDS = {
+    "both": "the two scenarios together",
+    "mean, p99, peak": "of all decisions, in the processor's time, to which other programs do not add; p99: "
+    "99 of 100 decisions take less",
+    "wall": "the same by the wall's clock, to which other programs do add",
+    "observation": "what the policy sees is computed",
+    "policy": "it chooses an action",
+    "critics": "sigma is computed",
+    "residual": "w, what the filter's model leaves out",
+    "constraints": "whom and which edges the filter keeps clear of",
+    "rows": "the filter's inequalities, and what it does besides solving",
+    "QP": "solving them",
+    "last resort": "a way to stop or to go on is looked for",
+    "correction": "all of a baseline's correction but its QP",
+    "plant": "the plant monitor",
+    "course": "a line round what blocks the route, and the speeds on it",
+    "rest": "what is in none of these parts; the whole decision of drivers without them",
+    "HOCBF": "residual, constraints, rows, QP and last resort together, as in the paper",
+}
 
 
 class LatencyLog:
@@ -154,7 +175,12 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     ]
     if not lines:
         raise InputError("no episode could be run to be timed; its folder says why")
-    table = as_markdown(lines)
+    said = (
+        f"Each agent drove {episodes - 1} episode(s) of each scenario, one after the other in one process, "
+        "after one that is not counted. How long a decision takes, and which share of the mean each of its "
+        "parts takes (%)."
+    )
+    table = page("latency", order, said, [as_markdown(lines)], WORDS)
     files = (
         write(order.out / "latency.csv", csv_text(lines)),
         write(order.out / "latency.md", table),
@@ -200,14 +226,14 @@ def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     for line in lines:
         agents.setdefault((line["agent"], line["scenario"]), {})[line["part"]] = line
     parts = [part for part in (*PARTS, "HOCBF") if any(part in found for found in agents.values())]
-    headings = ["agent", "scenario", "decisions", "mean (ms)", "p99 (ms)", "peak (ms)", f"the same {WALL}"]
     keys = ("mean_ms", "p99_ms", "peak_ms")
+    times = [f"{of}{clock} (ms)" for clock in ("", ", wall") for of in ("mean", "p99", "peak")]
+    headings = ["agent", "scenario", "decisions", *times]
     rows = [
         [
             *key,
             str(found["all"]["decisions"]),
-            *(f"{found['all'][ms]:.2f}" for ms in keys),
-            ", ".join(f"{found[WALL][ms]:.1f}" for ms in keys),
+            *(f"{found[clock][ms]:.2f}" for clock in ("all", WALL) for ms in keys),
             *(f"{found[part]['share_percent']:.1f}" if part in found else MISSING for part in parts),
         ]
         for key, found in agents.items()

@@ -21,6 +21,7 @@ from rudc.reporting.case import Case, draw_cases
 from rudc.scenario import find_scenarios
 from rudc.studies.base import Order, Report, kinds_of_errors, write
 from rudc.studies.case import MS, Driver, case_lines, chosen_seed, drive, drivers, seeds_note
+from rudc.studies.page import page
 
 SCENARIO = "blocked_left_turn"
 DRIVERS = {
@@ -37,6 +38,14 @@ the paper
 """
 EPISODES = {"quick": 2, "full": 20}
 """episodes from which the one shown is chosen, by budget"""
+WORDS = {
+    "least h": "smallest barrier towards a vehicle in the episode shown; below 0 it is nearer than the "
+    "filter allows",
+    "largest correction": "the most that the correction changed an action, both numbers scaled to [-1, 1]",
+    "σ at first, peak, at": "sigma_total in the first second, its largest value, and when that was",
+    "mean, peak (ms)": "processor's time of a decision",
+    "SR of all": "share of successes in all episodes driven",
+}
 ROWS = ("map", "way", "acceleration", "steering", "sigma", "time")
 
 
@@ -56,7 +65,11 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         raise InputError("no episode was driven by all agents; the sweep's folder says why")
     cases = [drive(scenario, driver, seed) for driver in shown]
     lines = [summary(driver, case, result.rows) for driver, case in zip(shown, cases, strict=True)]
-    table = f"{as_markdown(lines)}\n{seeds_note(result.rows, seed, shown)}"
+    said = (
+        f"Each agent drove {plan.episodes} episode(s) of {SCENARIO}; the one shown was driven again. "
+        f"{seeds_note(result.rows, seed, shown)}"
+    )
+    table = page("ood-case", order, said, [as_markdown(lines)], WORDS)
     files = (
         write(order.out / "ood_case.csv", csv_text([line for case in cases for line in case_lines(case)])),
         write(order.out / "ood_case_agents.csv", csv_text(lines)),

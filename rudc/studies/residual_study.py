@@ -29,6 +29,7 @@ from rudc.reporting.agreement import Agreement, draw_agreement
 from rudc.safety.barrier import COMMON
 from rudc.safety.residual import shipped_predictor
 from rudc.studies.base import Order, Report, write
+from rudc.studies.page import page
 from rudc.training.residual_data import Dataset, Samples, collect, load_dataset, save_dataset
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import DRY, GRAVITY
@@ -37,6 +38,15 @@ KINDS = ("adjustment", "direct")
 """kinds of actions for which a predictor is shipped"""
 SAMPLES = {"quick": 2_000, "full": 100_000}
 """samples of each head, by budget; full: as many as in the paper"""
+WORDS = {
+    "action": "which kind of actions: `adjustment` of a path follower's steering, or `direct`",
+    "constraints": "towards vehicles or road edges; within grip: the samples whose action a dry road allows",
+    "change of h by": "what foresees it: the filter's model alone, or with the predictor of w",
+    "R2, MAE, RMSE": "share of the variance that is foreseen, mean absolute error, root of the mean square "
+    "error",
+    "share of w": "share of the squares of w, what the model leaves out, that the predictor foresees; below "
+    "0 it is worse than none",
+}
 FRESH = 1_000
 """added to the seed asked for: the shipped predictors were fitted to samples of seed 0"""
 
@@ -69,7 +79,11 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
             w = samples.w.astype(float)
             expected = predictor.of(head, samples.xi.astype(float))
             pictures.append(Agreement(kind, head, samples.change.astype(float), w, expected))
-    table = as_markdown(lines)
+    said = (
+        f"What the filter's model of one step and the shipped predictors foresee of the change of h, in "
+        f"{SAMPLES[order.budget]} samples of random actions for each action and head."
+    )
+    table = page("residual", order, said, [as_markdown(lines)], WORDS)
     files = (
         write(order.out / "residual.csv", csv_text(lines)),
         write(order.out / "residual.md", table),

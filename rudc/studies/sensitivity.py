@@ -30,6 +30,7 @@ from rudc.files import make_folder, past_links
 from rudc.learning.inference import Decider
 from rudc.reporting.sensitivity import draw_sensitivity
 from rudc.studies.base import Budget, Order, Report, in_distribution, kinds_of_errors, write
+from rudc.studies.page import OF_RATES, page
 from rudc.studies.trained import Trained, Trainings, Wanted, trainings_for
 from rudc.training.config import TrainConfig
 
@@ -51,6 +52,16 @@ TRAINING: Mapping[Budget, Mapping[str, Any]] = {
     "paper": {"training.steps": 100_000},
 }
 """settings of the trainings that are made"""
+WORDS = {
+    **OF_RATES,
+    "beta": "share of the worst outcomes that CVaR looks at; 1 is the expectation",
+    "members": "critics of the ensemble",
+    "steps": "decisions of each training",
+    "σ, std of σ": "mean of sigma_total over an episode's decisions, mean over episodes, and its standard "
+    "deviation",
+    "weights": "how many numbers of its networks driving needs",
+    "critics (ms)": "processor's time of one call of the critics, median",
+}
 ASKED = 200
 """calls of the critics that are timed"""
 
@@ -114,7 +125,8 @@ def _run(swept: Swept, order: Order, progress: Callable[[str], Progress]) -> Rep
     trainings = trainings_for(list(wanted.values()), seeds, order, TRAINING[order.budget], progress)
     value_of = {t.agent: value for value, want in wanted.items() for t in trainings.of(want.name)}
     if not value_of:
-        raise InputError(f"no training to drive with: {'; '.join(trainings.missing)}")
+        where = "" if order.trainings is None else f" in {order.trainings}"
+        raise InputError(f"no training to drive with{where}: {'; '.join(trainings.missing)}")
     make_folder(out)
     plan = SweepPlan(in_distribution(), tuple(value_of), order.episodes or EPISODES[order.budget], order.seed)
     with trainings.named_from():
@@ -124,7 +136,11 @@ def _run(swept: Swept, order: Order, progress: Callable[[str], Progress]) -> Rep
         )  # fmt: skip
         lines = lines_of(swept, result.rows, value_of, trainings)
     name = swept.study.replace("-", "_")
-    table = as_markdown(swept, lines)
+    said = (
+        f"{ALGORITHM} was trained with each value of {swept.key}, and each training drove {plan.episodes} "
+        "episode(s) of each of the two tasks. Training seeds are pooled."
+    )
+    table = page(swept.study, order, said, [as_markdown(swept, lines)], WORDS)
     files = (
         write(out / f"{name}.csv", csv_text(lines)),
         write(out / f"{name}.md", table),

@@ -59,6 +59,7 @@ from rudc.studies.base import (
     out_of_distribution,
     write,
 )
+from rudc.studies.page import page
 from rudc.studies.sigma_steps import AT, HORIZON, SigmaLog
 from rudc.studies.step_files import StepRunner, read_steps
 
@@ -70,6 +71,23 @@ SCORES = (
 )  # fmt: skip
 SHOWN = ("total", "route", "route_or_mismatch", "route_or_monitors")
 """those that stand in the table and the figure"""
+WORDS = {
+    "violation": f"decisions at most {HORIZON} steps before a violation",
+    "violation seen": "of these, those before a violation whose cause the EV could see",
+    "violation hidden": "the others: an icy road, late actuators, a vehicle that could not be seen",
+    "exposed": "decisions with an event in sight, ahead, within 40 m",
+    "positive": "episodes with such decisions",
+    "total": "sigma_total, as in the paper",
+    "route": "sigma by route",
+    "route_or_mismatch": "sigma by route; above all sigma where the plant monitor finds the car unusual",
+    "route_or_monitors": "the same, and where somebody unusual is ahead within 40 m",
+}
+OF_SLACK = {
+    "above sigma_l": "share of decisions in distribution with sigma above sigma_l, its 95th percentile in "
+    "training: should be 5 %",
+    "relaxed before a violation": "share of the decisions before a violation in which sigma was below "
+    "sigma_l, so that the slack relaxed the filter: of all, and by whether the cause could be seen",
+}
 INSIDE, OUTSIDE, ALL = "in distribution", "all out of distribution", "all scenarios"
 
 
@@ -126,7 +144,13 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     slack = [line for name in agents for line in slack_lines(name, limits_of(name), drives[name])]
     if not slack:
         (order.out / "sigma_slack.csv").unlink(missing_ok=True)  # of an earlier run
-    table = as_markdown(lines) + (f"\n{slack_markdown(slack)}" if slack else "")
+    said = (
+        f"Each agent drove {plan.episodes} episode(s) of each of {len(scenarios)} scenarios. How well sigma "
+        "tells the decisions that `task` names from undisturbed ones of the same scenarios: AUROC, in "
+        "brackets its 95 % interval; – where there are none of either."
+    )
+    tables = [as_markdown(lines), *([slack_markdown(slack)] if slack else [])]
+    table = page("sigma", order, said, tables, {**WORDS, **(OF_SLACK if slack else {})})
     files = (
         write(order.out / "sigma.csv", csv_text(lines)),
         *([write(order.out / "sigma_slack.csv", csv_text(slack))] if slack else []),
@@ -359,8 +383,8 @@ def slack_markdown(lines: Sequence[Mapping]) -> str:
     shares = [
         ("above_inside", "above sigma_l in distribution (%)"),
         ("relaxed_violation", "relaxed before a violation (%)"),
-        ("relaxed_violation_seen", "cause seen"),
-        ("relaxed_violation_hidden", "cause hidden"),
+        ("relaxed_violation_seen", "… cause seen (%)"),
+        ("relaxed_violation_hidden", "… cause hidden (%)"),
     ]
     rows = [[line["agent"], line["sigma"], *(number(line[key]) for key, _ in shares)] for line in lines]
     return markdown(["agent", "sigma", *(text for _, text in shares)], rows, left=2)

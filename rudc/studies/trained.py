@@ -4,12 +4,13 @@ A training is called NAME-seedN, N its training seed, and is looked for in this 
 
 1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder). One that learnt
    with other values of what the study or the preset sets is refused; what the budget sets may differ,
-2. among the agents that are shipped (NAME, NAME-seedN), if it learnt with the settings that are wanted, with
-   the presets as they are now,
-3. if no folder of trainings was named, it is trained, for as long as the budget says. A training that was cut
-   off goes on from its checkpoint.
+2. without `--trainings`, among the agents that are shipped (NAME, NAME-seedN), if it learnt with the settings
+   that are wanted, with the presets as they are now, for as long as the budget says,
+3. without `--trainings`, it is trained, for as long as the budget says. A training that was cut off goes on
+   from its checkpoint.
 
-Only trainings that reached their end are taken. A training in the study's own folder that another budget
+With `--trainings DIR` only those of DIR count: what is not there is left out, and named with the reason. Only
+trainings that reached their end are taken. A training in the study's own folder that another budget
 made, with other steps, is refused. Agents are named relative to the folder of trainings, so that a sweep's
 rows say nothing of the machine: sweep within `named_from`.
 """
@@ -137,10 +138,11 @@ def _folder(order: Order) -> Path:
 
 
 def _there(folder: Path, want: Wanted, seed: int, order: Order, settings: Mapping[str, Any]) -> Trained | str:
-    """The training in the folder of trainings, or a shipped one; or why there is none."""
+    """The training in the folder of trainings; or a shipped one, if none was named; or why not."""
     training = _made(folder, want, seed, order, settings)
-    if isinstance(training, str):
-        return _shipped(want, seed, _steps(order, settings)) or training
+    steps = _steps(order, settings)
+    if isinstance(training, str) and steps is not None:
+        return _shipped(want, seed, steps) or training
     return training
 
 
@@ -156,7 +158,7 @@ def _made(folder: Path, want: Wanted, seed: int, order: Order, settings: Mapping
     name = f"{want.name}-seed{seed}"
     checkpoint = find_checkpoint(str(folder / name))
     if checkpoint is None:
-        return "no training"
+        return "no training there"
     learnt = load_learnt(checkpoint)
     if (learnt.config.algorithm, learnt.training["seed"]) != (want.algorithm, seed):
         raise InputError(
@@ -198,8 +200,8 @@ def _at(tree: Any, key: str) -> Any:
     return tree
 
 
-def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | str | None:
-    """A shipped training, of so many steps unless None; or why it cannot be taken; None if there is none."""
+def _shipped(want: Wanted, seed: int, steps: int) -> Trained | str | None:
+    """A shipped training of so many steps; or why it cannot be taken; None if there is none."""
     for name in (f"{want.name}-seed{seed}", want.name):
         folder = shipped_checkpoints().get(name)
         if folder is None:
@@ -210,7 +212,7 @@ def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | str | None
             continue
         if learnt.config.learner != want.config().learner or any(_otherwise(learnt, want, {})):
             return f"no training, and the shipped {name} learnt with settings that are no longer the default"
-        if steps is None or steps == done:
+        if steps == done:
             return Trained(want.name, seed, name, folder, done)
     return None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,18 @@ RATE_COLUMNS = {rate: RATES[rate] for rate in ("SR", "VR", "FR")}
 
 Key = tuple[str, str, str, str]
 """source, scenario, priority, metric"""
-Series = dict[int, float]
-"""decisions -> value, percent or reward"""
+
+
+class Measured(NamedTuple):
+    """What episodes of a training came to."""
+
+    value: float
+    """mean, percent or reward"""
+    episodes: int
+
+
+Series = dict[int, Measured]
+"""decisions -> what was measured then"""
 
 
 def read_training(folder: Path) -> dict[Key, Series]:
@@ -61,14 +72,15 @@ def _log(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     return rows
 
 
-def _values(rows: Sequence[Mapping[str, str]]) -> dict[str, float]:
+def _values(rows: Sequence[Mapping[str, str]]) -> dict[str, Measured]:
     """Rates in percent and the mean reward, over the episodes of all rows."""
     weight = numbers(rows, "episodes")
     found = {
         name: 100.0 * _mean(np.sum([numbers(rows, column) for column in columns], axis=0), weight)
         for name, columns in RATE_COLUMNS.items()
     }
-    return found | {"reward": _mean(numbers(rows, "episode_reward"), weight)}
+    found["reward"] = _mean(numbers(rows, "episode_reward"), weight)
+    return {name: Measured(value, round(float(np.nansum(weight)))) for name, value in found.items()}
 
 
 def _mean(values: Array, weight: Array) -> float:

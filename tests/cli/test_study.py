@@ -29,7 +29,7 @@ def test_list(rudc):
         (["ablation", "--trainings", "nowhere", "-o", "x"], "no folder nowhere"),
         (
             ["comparison", "-a", "usl", "--seeds", "7", "--trainings", ".", "-o", "x"],
-            "usl-seed7: no training",
+            "no agent to drive in .: usl-seed7: no training there",
         ),
         (["curves", "-o", "x"], "which trainings?"),
         (["curves", "here", "-a", "sumo", "-o", "x"], "takes no --agent; it takes folders"),

@@ -1,9 +1,12 @@
 """Several sweeps in one table: parts of one, or two to compare."""
 
 import csv
+import shutil
+from pathlib import Path
 
 import pytest
 
+from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.errors import SweepError
 from rudc.evaluation.folder import sweep_rows
 from rudc.evaluation.joined import joined_rows
@@ -33,6 +36,21 @@ def test_parts_of_a_sweep_give_its_table(fakes, make_plan, tmp_path):
     for part in (0, 1):
         run_sweep(make_plan(episodes=3, seed=3 * part), tmp_path / f"part{part}", fakes.Runner)
     assert table(tmp_path / "part0", tmp_path / "part1") == table(tmp_path / "whole")
+
+
+def test_an_agent_named_by_its_folder_stands_beside_the_papers_row_of_its_algorithm(
+    fakes, make_plan, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(shipped_checkpoints()["sac"], "mine/first")
+    scenarios = make_plan(names=("dense_left_turn",)).scenarios
+    for seed, folder in ((0, Path("a")), (3, Path("b"))):
+        agents = ("mine/first", "mine/first+ttcbf", "planner")
+        run_sweep(SweepPlan(scenarios, agents, 3, seed), folder, fakes.Runner)
+    for folders in ([Path("a")], [Path("a"), Path("b")]):
+        text = make_table(joined_rows(folders, BY, []), BY, "csv", "comparison")
+        drove = [line.split(",")[1] for line in text.splitlines()]
+        assert drove[1:5] == ["mine/first", "SAC (paper)", "mine/first+ttcbf", "planner"]
 
 
 def test_swept_values_stand_in_columns_of_both(fakes, make_plan, tmp_path):

@@ -210,11 +210,13 @@ def test_the_papers_rows_stand_beside_ours_of_the_same_algorithm():
 
     ours = [group(n) for n in ("sac", "planner", "rudc-t", "rudc-t-seed1", "rudc-t:outlook.course=false")]
     theirs = [group(f"{n} (paper)") for n in ("USL", "RUDC-T", "SAC")]
-    assert [g.key[1] for g in beside(ours, theirs, 1)] == [
+    assert [g.key[1] for g in beside(ours, theirs, 1, {})] == [
         "sac", "SAC (paper)", "planner", "rudc-t", "rudc-t-seed1", "RUDC-T (paper)",
         "rudc-t:outlook.course=false", "USL (paper)",
     ]  # fmt: skip
-    assert paper_name("sac-lagrangian-seed2") == "Lagrangian"
+    assert paper_name("sac-lagrangian-seed2", {}) == "Lagrangian"
+    learnt = {"out/mine": "sac", "out/mine:outlook.course=false": "sac", "lr=1/dsac-seed0": "dsac"}
+    assert [paper_name(name, learnt) for name in learnt] == ["SAC", "", "DSAC"]
 
 
 def test_the_papers_numbers_stand_beside_ours_and_do_not_compete(rows):

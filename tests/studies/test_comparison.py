@@ -275,30 +275,29 @@ def test_from_training_to_tables(tmp_path, monkeypatch):
     more = Order(
         tmp_path / "a", ("sac", "usl", "rudc-t"), episodes=1, budget="quick", trainings=made, resume=True
     )
-    shipped = {name: at for name, at in shipped_checkpoints().items() if name != "usl"}
-    monkeypatch.setattr("rudc.studies.trained.shipped_checkpoints", lambda: shipped)
     other = comparison.run(more, nothing_is_driven)
-    assert other.notes[0] == "usl-seed0: no training"
-    assert "usl-seed0: no training" in other.table
+    assert other.notes[0] == "usl-seed0: no training there"
+    assert "usl-seed0: no training there" in other.table
     shutil.copytree(tmp_path / "a" / "sweeps", tmp_path / "b" / "sweeps")
     ablation = replace(more, out=tmp_path / "b", agents=("rudc-t",))
     assert "# Study ablation" in comparison.run(ablation, nothing_is_driven, "ablation").table
-    with pytest.raises(InputError, match="no agent to drive: usl-seed0"):
+    with pytest.raises(InputError, match=r"no agent to drive in .*: usl-seed0: no training there"):
         comparison.run(Order(tmp_path / "c", ("usl",), budget="quick", trainings=made), lambda _: Silent())
 
 
 @pytest.fixture
 def first(tmp_path, monkeypatch):
-    """An order of rudc-t as it is shipped, an episode of one scenario in either domain; curves are not
-    drawn.
+    """An order of rudc-t, of a folder with the shipped trainings of it and of sac, an episode of one scenario
+    in either domain; curves are not drawn.
     """
     monkeypatch.setattr(comparison, "draw_curves", not_drawn)
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
     inside, outside = (find_scenarios([f"{n}_left_turn"], overrides=SHORT) for n in ("dense", "blocked"))
     monkeypatch.setattr(comparison, "in_distribution", lambda: inside)
     monkeypatch.setattr(comparison, "out_of_distribution", lambda _: outside)
-    (tmp_path / "none").mkdir()
-    return Order(tmp_path / "a", ("rudc-t",), episodes=1, budget="quick", trainings=tmp_path / "none")
+    for shipped, name in (("rudc-t", "rudc-t-seed0"), ("sac", "sac-seed0"), ("sac-seed1", "sac-seed1")):
+        shutil.copytree(shipped_checkpoints()[shipped], tmp_path / "made" / name)
+    return Order(tmp_path / "a", ("rudc-t",), episodes=1, budget="quick", trainings=tmp_path / "made")
 
 
 def test_rows_and_seeds_added_later_join_those_that_drove_before(first, tmp_path):
@@ -311,13 +310,26 @@ def test_rows_and_seeds_added_later_join_those_that_drove_before(first, tmp_path
     for name in ("metrics.csv", "pairs.csv", "trainings.csv", "in_distribution/episodes.csv"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     comparison.run(replace(first, agents=("sac",), training_seeds=(1,), resume=True), lambda _: Silent())
-    drove = [(m["row"], m["training_seed"]) for m in read_table(tmp_path / "a" / "trainings.csv")]
-    assert drove == [("sac", "0"), ("sac", "1"), ("rudc-t", "0")]
+    trainings = read_table(tmp_path / "a" / "trainings.csv")
+    assert [(m["row"], m["training_seed"]) for m in trainings] == [
+        ("sac", "0"),
+        ("sac", "1"),
+        ("rudc-t", "0"),
+    ]
+    assert [m["agent"] for m in trainings] == ["./sac-seed0", "./sac-seed1", "./rudc-t-seed0"]
+
+
+def test_a_page_says_which_agent_each_row_is_and_what_is_missing(first):
+    report = comparison.run(replace(first, agents=("rudc-t", "usl")), lambda _: Silent())
+    assert report.notes[0] == "usl-seed0: no training there"
+    lines = [[cell.strip() for cell in line.split("|")[2:-1]] for line in report.table.splitlines()]
+    assert ["rudc-t", "./rudc-t-seed0", "0", "100000", "–"] in lines
+    assert ["usl", "–", "–", "–", "usl-seed0: no training there"] in lines
 
 
 def test_one_whose_logs_are_gone_is_in_the_tables_but_not_in_the_curves(first):
     gone = first.trainings / "rudc-t-seed0"
-    shutil.copytree(shipped_checkpoints()["rudc-t"], gone, ignore=shutil.ignore_patterns("progress.csv"))
+    (gone / "progress.csv").unlink()
     report = comparison.run(replace(first, agents=("sac", "rudc-t")), lambda _: Silent())
     assert f"rudc-t-seed0 is not in the curves: no progress.csv in {gone}" in report.notes[0]
     assert {m["agent"] for m in read_table(first.out / "curves.csv")} == {"SAC"}
@@ -330,7 +342,7 @@ def test_one_whose_logs_are_gone_is_in_the_tables_but_not_in_the_curves(first):
     ]
 
 
-def test_what_drove_before_stays_only_if_it_fits(first, monkeypatch):
+def test_what_drove_before_stays_only_if_it_fits(first):
     """That is seen before anything is trained or driven."""
     comparison.run(first, lambda _: Silent())
     more = replace(first, agents=("sac",), resume=True)
@@ -338,10 +350,9 @@ def test_what_drove_before_stays_only_if_it_fits(first, monkeypatch):
         comparison.run(replace(more, resume=False), nothing_is_driven)
     with pytest.raises(SweepError, match=r"(?s)rudc-t-seed0 holds another sweep.*seed: 0 there, 5 here"):
         comparison.run(replace(more, seed=5), nothing_is_driven)
-    gone = {name: at for name, at in shipped_checkpoints().items() if name != "rudc-t"}
-    monkeypatch.setattr("rudc.studies.trained.shipped_checkpoints", lambda: gone)
+    shutil.rmtree(first.trainings / "rudc-t-seed0")
     report = comparison.run(more, lambda _: Silent())
-    assert report.notes[0] == "rudc-t-seed0: no training; what it drove before is left out"
+    assert report.notes[0] == "rudc-t-seed0: no training there; what it drove before is left out"
     assert [m["episodes"] for m in read_table(first.out / "metrics.csv") if m["row"] == "rudc-t"] == ["0"] * 3
 
 

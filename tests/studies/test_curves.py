@@ -3,17 +3,17 @@
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
 from rudc.errors import InputError
+from rudc.evaluation.statistics import wilson
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.studies.base import Order
 from rudc.studies.curves import band_of, names_of, run
 from rudc.training.log import BEFORE, EVALUATION
-from rudc.training.log_curves import read_training
+from rudc.training.log_curves import Measured, read_training
 
 
 def training(folder: Path, rate: float, last: int = 20_000) -> Path:
@@ -35,13 +35,18 @@ def training(folder: Path, rate: float, last: int = 20_000) -> Path:
     return folder
 
 
-def test_band_is_students():
-    band = band_of(np.array([90.0, 92.0, 94.0]), rate=True)
+def test_band_is_students_and_a_rates_at_least_wilsons():
+    band = band_of([Measured(value, 1000) for value in (90.0, 92.0, 94.0)], rate=True)
     assert band.mean == 92.0
     assert band.high - band.mean == pytest.approx(4.302653 * 2.0 / math.sqrt(3), rel=1e-6)
-    assert band_of(np.array([90.0, 100.0]), rate=True).high == 100.0
-    assert band_of(np.array([90.0, 100.0]), rate=False).high > 100.0
-    assert math.isnan(band_of(np.array([90.0]), rate=True).low)
+    apart = [Measured(90.0, 1000), Measured(100.0, 1000)]
+    assert band_of(apart, rate=True).high == 100.0
+    assert band_of(apart, rate=False).high > 100.0
+    all_succeed = band_of([Measured(100.0, 20)] * 3, rate=True)
+    assert all_succeed == (100.0, pytest.approx(100 * wilson(60, 60)[0]), 100.0)
+    alone = band_of([Measured(90.0, 10)], rate=True)
+    assert alone[1:] == pytest.approx([100 * end for end in wilson(9, 10)])
+    assert math.isnan(band_of([Measured(90.0, 10)], rate=False).low)
 
 
 def test_trainings_are_put_together(tmp_path):
@@ -54,6 +59,9 @@ def test_trainings_are_put_together(tmp_path):
     assert float(mine[0]["mean"]) == pytest.approx(85.0)
     (tested,) = [m for m in lines if m["agent"] == "mine" and m["scenario"] == "fog" and m["metric"] == "VR"]
     assert float(tested["mean"]) == pytest.approx(15.0)
+    assert tested["episodes"] == "20"
+    assert "SR (%) [trainings, episodes]" in report.table
+    assert "least as wide as Wilson's of all their episodes" in report.table
     assert "mine: trainings end at 20000, 10000 steps" in report.notes[0]
     assert "| mine  | fog      | all  |" in report.table
     with Image.open(tmp_path / "out" / "curves.png") as picture:

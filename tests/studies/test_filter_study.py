@@ -225,4 +225,6 @@ def test_an_adaptive_variant_is_compared_with_each_constant_in_the_same_episodes
     assert (first["dominates"], second["dominates"]) == (True, False)
     worse = {("a", "fog", str(k)): row("a", k, "violation") | {"mean_speed_mps": "7"} for k in range(3)}
     assert not compare(worse, {key: {**r, "outcome": "frozen"} for key, r in worse.items()})["dominates"]
-    assert len(pairs_markdown(lines).splitlines()) == 4
+    heading, _, first_line, _ = pairs_markdown(lines).splitlines()
+    assert "| VR change (points) |" in heading
+    assert first_line.split("|")[6].strip() == "0.5", "d_safe tells rows apart"

@@ -1,5 +1,6 @@
 """Trainings are taken where there are such, and made where there are none."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from rudc.agents.registry import make_agent
 from rudc.data import data_folder
 from rudc.errors import InputError
 from rudc.studies.base import Order
-from rudc.studies.trained import Wanted, trainings_for
+from rudc.studies.trained import Wanted, trainings_for, trainings_there
 
 SHIPPED = data_folder("results/checkpoints")
 STEPS = {"training.steps": 100_000}
@@ -30,31 +31,39 @@ def said(_: str) -> None:
     """Nobody listens."""
 
 
-def test_those_of_the_folder_come_before_the_shipped_and_none_is_made(tmp_path):
+def test_of_a_folder_that_was_named_only_its_trainings_count(tmp_path):
+    """Neither is a shipped one taken for what is missing there, nor one made."""
     shutil.copytree(SHIPPED / "rudc-t-seed1", tmp_path / "rudc-t-seed1")
     order = Order(tmp_path / "out", trainings=tmp_path)
     wanted = [Wanted("rudc-t", "rudc-t"), Wanted("beta", "rudc-t", {"learner.beta": 0.5})]
     found = trainings_for(wanted, (0, 1, 7), order, STEPS, said)
     assert [(t.agent, t.seed, t.steps) for t in found.of("rudc-t")] == [
-        ("rudc-t", 0, 100_000),
         ("./rudc-t-seed1", 1, 100_000),
     ]
-    assert found.missing == (
-        "rudc-t-seed7: no training",
-        *(f"beta-seed{n}: no training" for n in (0, 1, 7)),
-    )
+    names = ("rudc-t-seed0", "rudc-t-seed7", *(f"beta-seed{n}" for n in (0, 1, 7)))
+    assert found.missing == tuple(f"{name}: no training there" for name in names)
     with found.named_from():
         make_agent("./rudc-t-seed1:outlook.course=false")
     assert not (tmp_path / "out").exists()
+
+
+def test_one_that_is_not_at_its_end_is_named_with_how_far_it_is(tmp_path):
+    """And no shipped one takes its place."""
+    shutil.copytree(SHIPPED / "sac", tmp_path / "sac-seed0")
+    file = tmp_path / "sac-seed0" / "agent.json"
+    stored = json.loads(file.read_text(encoding="utf-8"))
+    stored["trained"]["steps"] = 40_000
+    file.write_text(json.dumps(stored), encoding="utf-8")
+    order = Order(tmp_path / "out", trainings=tmp_path)
+    found = trainings_for([Wanted("sac", "sac")], (0,), order, STEPS, said)
+    assert (found.found, found.missing) == ((), ("sac-seed0: trained for 40000 of 100000 steps so far",))
 
 
 def test_a_shipped_one_that_learnt_with_other_settings_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "rudc.studies.trained.shipped_checkpoints", lambda: {"rudc-t": SHIPPED / "rudc-t-paper"}
     )
-    found = trainings_for(
-        [Wanted("rudc-t", "rudc-t")], (0,), Order(tmp_path / "out", trainings=tmp_path), STEPS, said
-    )
+    found = trainings_there([(Wanted("rudc-t", "rudc-t"), 0)], Order(tmp_path / "out"), STEPS)
     assert "no longer the default" in found.missing[0]
 
 

@@ -73,9 +73,10 @@ def _block(lines: Sequence[str]) -> Iterator[dict[str, Any]]:
         yield {"title": lines[0].lstrip("# ")}
         lines = lines[1:]
     table = [_cells(line) for line in lines if line.startswith("|")]
-    before = " ".join(line for line in lines if not line.startswith("|"))
-    if before:
-        yield {"text": before.split("`")}
+    before = "\n".join(line for line in lines if not line.startswith("|"))
+    for text in re.split(r"^- |\n- ", before):  # each point of a list is a paragraph
+        if text:
+            yield {"text": text.replace("\n", " ").split("`")}
     if len(table) > 1:
         head, marks, *rows = table
         yield {"head": head, "rows": rows, "right": [mark.endswith(":") for mark in marks]}

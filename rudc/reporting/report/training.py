@@ -31,7 +31,7 @@ def training_content(folder: Path) -> dict[str, Any]:
     curves = [
         {
             "source": source, "scenario": scenario, "priority": priority, "metric": metric,
-            "points": [[step, _rounded(value)] for step, value in sorted(series.items())],
+            "points": [[step, _rounded(measured.value)] for step, measured in sorted(series.items())],
         }
         for (source, scenario, priority, metric), series in read_training(folder).items()
     ]  # fmt: skip
