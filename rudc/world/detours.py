@@ -8,8 +8,8 @@ may be blocked in several places. An SV whose row is blocked ahead of it
         it waits before the stop line until it has changed, if no free row begins on its own lane;
     otherwise, if it is before the stop line and its movement is blocked for good, takes another movement from
         its arm that is free;
-    otherwise drives on, if its row is free for CHANGE_M m behind the junction, and another lane of the road
-        there is free (it changes lanes there) or its movement is not blocked for good (it queues there);
+    otherwise drives on, if its row is free for CHANGE_M m behind the junction and another lane of the road
+        there is free: it changes lanes there;
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.
 
@@ -20,8 +20,8 @@ An SV that leads or follows the ego for an event changes lanes only once it is o
 not already before the junction for something behind the junction, and takes another movement only where none
 of this helps, from its own lane. One whose turn an event names (`Driver.keeps_turn`) takes no other movement.
 
-SVs that enter the road choose among the movements that are not blocked for good. What an event takes away
-again (with a `duration`) blocks for good only once it has stood for PATIENT_S.
+SVs that enter the road choose among the movements that are not blocked for good. For what an event takes away
+again within PATIENT_S they wait.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ COMFORT = 2.5
 """m/s2: an SV begins to brake for that place once it needs more than this, or, on a slippery road, more than
 what is comfortable there"""
 PATIENT_S = 15.0
-"""s for which SVs wait for what will be taken away before they look for another way; they cannot know when"""
+"""s for which a thing stands, up to which SVs wait for it to go instead of taking another way"""
 HOLD_S = 2.0
 """s for which SUMO is asked to keep an SV on another lane"""
 
@@ -79,7 +79,7 @@ class Detours:
         self, scene: Scene, stage: WorldStage, decision_s: float, ego: tuple[int, float] | None = None
     ) -> None:
         """Let SVs pass what leaves them room in their lanes; see `Passing.step`."""
-        waited_for = {name for name, at in stage.for_now.items() if stage.time_s < at + PATIENT_S}
+        waited_for = {name for name, for_s in stage.for_now.items() if for_s <= PATIENT_S}
         self._passing.look(stage.props, stage.obstructed.passable, waited_for)
         self._passing.step(scene, decision_s, ego)
 
@@ -169,12 +169,11 @@ class Detours:
                 self._sumo.ask_lane(name, beside.index, HOLD_S)
             return None
         if not free:
-            passes = any(_is_free(end_for_good, other, front) for other in movement.rows)
-            later = (passes or beside is not None) and block > paths.exit_s[row] + CHANGE_M
+            later = beside is not None and block > paths.exit_s[row] + CHANGE_M
             kept = network.inbound_lane(row) if driver.keeps_lane else None
             if later and kept:
                 return None
-            stays = passes or driver.keeps_turn
+            stays = driver.keeps_turn or any(_is_free(end_for_good, k, front) for k in movement.rows)
             if not stays and self._take_another(name, movement, end, front, kept):
                 return None
             if later:

@@ -8,6 +8,7 @@ checked when the episode is set up.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -76,7 +77,7 @@ class _Site(NetworkStage):
     def set_density(self, density: float | None, event: str = "") -> None: ...
 
     def stand(
-        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_now: bool = False
+        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_s: float = math.inf
     ) -> None:
         self.found.append(Standing(name, body, place, size or size_of(body)))
 

@@ -100,25 +100,49 @@ def test_nobody_who_is_past_one_block_drives_up_to_the_next(world):
         assert not ((past_line > 0.0) & (past_line < 20.0)).any()
 
 
-def test_svs_wait_for_what_is_taken_away_before_they_look_for_another_way(world):
-    """What stood for 8 s sent them elsewhere from 100 m away, as if they knew nothing of its end."""
-    stalled = [event("stalled_vehicle", lane=f"north_out_{k}", at=8.0, duration=18.0) for k in (0, 1)]
-    plan = PlanSource(origin="west", turn="right", density=25.0, events=tuple(stalled)).plan(0)
-    world.reset(plan)
-    wanted = {name: driver.destination for name, driver in world.traffic.drivers.items()}
-    for _ in range(148):
+@pytest.mark.parametrize(("duration", "waits"), [(8.0, True), (18.0, False)])
+def test_svs_wait_for_what_is_soon_taken_away_and_take_another_way_otherwise(world, duration, waits):
+    """What stood for 8 s sent them elsewhere from 100 m away."""
+    stalled = [event("stalled_vehicle", lane=f"north_out_{k}", at=8.0, duration=duration) for k in (0, 1)]
+    world.reset(PlanSource(origin="west", turn="right", density=25.0, events=tuple(stalled)).plan(0))
+    wanted, there = {name: driver.destination for name, driver in world.traffic.drivers.items()}, 0
+    while world.stage.props:
+        assert (("south", "north") in world.traffic._closed) != waits
+        there = max(there, list(wanted.values()).count("north"))
         world.advance(np.array([-6.0, 0.0]))
-        assert not world.traffic._closed
-        for name, driver in world.traffic.drivers.items():
-            assert wanted.setdefault(name, driver.destination) == driver.destination
-    assert "north" in {wanted[name] for name in world.traffic.drivers}
-    for _ in range(5):
-        world.advance(np.array([-6.0, 0.0]))
-    assert ("south", "north") in world.traffic._closed
-    for _ in range(40):
-        world.advance(np.array([-6.0, 0.0]))
-    assert not world.stage.props
+        now = {name: driver.destination for name, driver in world.traffic.drivers.items()}
+        assert not waits or all(wanted.get(name, end) == end for name, end in now.items())
+        wanted = now
+    assert (there > 0) == waits
+    world.advance(np.array([-6.0, 0.0]))
     assert not world.traffic._closed
+
+
+def test_nobody_drives_into_a_ring_whose_exit_is_blocked_for_a_while(world_on):
+    """Who queued behind the exit, where there was room for a part of it, stood in the ring with the rest."""
+    world = world_on("roundabout")
+    paths = world.network.paths
+    stalled = event("stalled_vehicle", lane="north_out_0", at=20.0, duration=12.0)
+    plan = PlanSource(
+        network="roundabout", origin="west", turn="right", density=40.0, mix={"bus": 1.0}, warm_up_s=1.0,
+        origins={"south": 1.0}, turns={"straight": 1.0}, events=(stalled,),
+    )  # fmt: skip
+    world.reset(plan.plan(0))
+
+    def inside():
+        scene = world.scene()
+        half, rows = 0.5 * scene.size[:, 0], scene.path
+        within = (scene.path_s + half > paths.stop_s[rows]) & (scene.path_s - half < paths.exit_s[rows])
+        return {scene.ids[i] for i in np.flatnonzero((rows >= 0) & within)}
+
+    while world.stage.props:
+        assert not inside()
+        world.advance(np.array([-6.0, 0.0]))
+    came = set()
+    for _ in range(50):
+        came |= inside()
+        world.advance(np.array([-6.0, 0.0]))
+    assert came
 
 
 def test_long_vehicles_do_not_take_a_way_on_which_only_short_ones_have_room(world):

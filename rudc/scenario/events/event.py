@@ -8,6 +8,7 @@ episode follow from that.
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -147,8 +148,10 @@ class Effect(ABC, Generic[E]):
         waits = stage.time_s < since_s + WAITS_S - ROUNDED_S
         if waits and not all(stage.is_free(*thing, for_ego=has_waited) for thing in things):
             return False
+        duration = _duration_of(self.event)
+        for_s = math.inf if duration is None else float(duration)
         for i, thing in enumerate(things):
-            stage.stand(f"{self.name}:{i}", *thing, for_now=_duration_of(self.event) is not None)
+            stage.stand(f"{self.name}:{i}", *thing, for_s=for_s)
         return True
 
     def step(self, stage: Stage) -> None:

@@ -5,6 +5,7 @@ Angles are in rad counter-clockwise from east, positions in m in the network's f
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import Literal, NamedTuple
 
@@ -160,12 +161,12 @@ class Stage(ABC):
 
     @abstractmethod
     def stand(
-        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_now: bool = False
+        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_s: float = math.inf
     ) -> None:
         """Put something that stands on the road, called `EVENT:...`.
 
-        `size`: length and width in m of an obstacle. `for_now`: whether it will be taken away, so that what
-        is to stand in its place waits.
+        `size`: length and width in m of an obstacle. `for_s`: s after which it will be taken away; what is
+        to stand in its place waits for that.
         """
 
     @abstractmethod

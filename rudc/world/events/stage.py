@@ -85,7 +85,7 @@ class WorldStage(NetworkStage):
     obstructed: Obstructed = field(init=False)
     """the lanes that things obstruct"""
     for_now: dict[str, float] = field(default_factory=dict)
-    """name of a thing that stands on the road and will be taken away -> s, since when it stands"""
+    """name of a thing that stands on the road and will be taken away -> s, how long it stands"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
     """(`speed`, `factor` or `density`; name of the vehicle) -> the value that each event asks for which is
     not over, by the event's name; the latest is the last
@@ -188,7 +188,7 @@ class WorldStage(NetworkStage):
     # ---- things
 
     def stand(
-        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_now: bool = False
+        self, name: str, body: Body, place: XYHeading, size: Size | None = None, *, for_s: float = math.inf
     ) -> None:
         """As `Stage.stand`. Raises SimulationError if something already stands in that place.
 
@@ -204,8 +204,8 @@ class WorldStage(NetworkStage):
                 f"overlap or touch, {said(self.network, place)}; move one of them"
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
-        if for_now:
-            self.for_now[name] = self.time_s
+        if for_s < math.inf:
+            self.for_now[name] = for_s
         if self.scene is not None and self._too_near(place, (length, width)):
             self.sudden[name] = math.inf
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
@@ -323,7 +323,7 @@ class WorldStage(NetworkStage):
     def remove_things(self, event: str) -> None:
         gone = self.things_of(event)
         self.props = [prop for prop in self.props if prop.name not in gone]
-        self.for_now = {name: at for name, at in self.for_now.items() if name not in gone}
+        self.for_now = {name: s for name, s in self.for_now.items() if name not in gone}
         self.obstructed.remove(gone)
         for stand_in in self._stand_ins.pop(event, []):
             self.sumo.remove(stand_in)  # on the road, or waiting for room there
