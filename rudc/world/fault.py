@@ -8,8 +8,9 @@
    this rule does not apply: rules 3 to 9 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
-3. They come by the same arm beside each other (by BESIDE_M or more), one to turn over the way of the other,
-   as a car does that turns right over a cycle lane: the fault of the one that turns (more than the other).
+3. They come by the same arm beside each other (by BESIDE_M or more), one of them is past its stop line, and
+   one turns over the way of the other, as a car does that turns right over a cycle lane: the fault of the
+   one that turns (by ALIKE more than the other); in a roundabout, of the one that leaves it first.
 4. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
    that came by different arms this holds only within 15 degrees, and only for one squarely behind.
 5. The other drives on no path (against its lane, or across the road): the other's fault.
@@ -46,6 +47,8 @@ BESIDE_M = 1.5
 TURNS_OVER = math.pi / 4
 """rad by which the directions in which two leave the junction differ at least if one turns over the other's
 way"""
+ALIKE = math.pi / 12
+"""rad; of two that turn as far as each other but for this, neither is the one that turns"""
 
 
 class Collision(NamedTuple):
@@ -112,9 +115,14 @@ def _turning_over(scene: Scene, index: int) -> Fault | None:
     theirs, ours = _pose(paths, row, paths.stop_s[row]), _pose(paths, own, paths.stop_s[own])
     cos, sin = math.cos(ours[2]), math.sin(ours[2])
     left += (theirs[1] - ours[1]) * cos - (theirs[0] - ours[0]) * sin
-    if abs(left) < BESIDE_M or (turned[0] > turned[1]) == (left > 0):
+    past = float(scene.path_s[index]) + 0.5 * float(scene.size[index, 0]) - paths.stop_s[row]
+    before = max(past, scene.front_s - scene.route.stop_line_s) <= 0.0
+    if before or abs(left) < BESIDE_M or (turned[0] > turned[1]) == (left > 0):
         return None
-    return "other" if abs(turned[0]) > abs(turned[1]) else "ego"
+    if scene.network.is_roundabout:
+        return "other" if turned[0] < turned[1] else "ego"
+    more = abs(turned[0]) - abs(turned[1])
+    return None if abs(more) < ALIKE else "other" if more > 0.0 else "ego"
 
 
 def _turned(paths: PathTable, row: int) -> float:

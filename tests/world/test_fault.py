@@ -148,6 +148,42 @@ def test_who_turns_over_the_way_of_who_drives_beside_it_is_at_fault(make_scene, 
         assert found == fault if fault else found in {"shared", alone}, (ahead, turned)
 
 
+def test_before_the_stop_line_nobody_turns_yet(make_scene):
+    """A cyclist who ran into the rear of a car that would turn right 30 m later was excused."""
+    scene = make_scene({"row": 0, "s": 10.0, "v": 9.0}, v=6.0, front=-30.0, turn="right")
+    ego, row = scene.ego, scene.network.route("south", "straight").row
+    x, y, _ = beside(scene, -4.0, -1.8, 0.0)
+    at = scene.network.paths.stop_s[row] - 34.0
+    meets = replace(
+        scene, path=np.array([row]), path_s=np.array([at]), position=np.array([[x, y]]),
+        heading=np.array([ego.psi]),
+    )  # fmt: skip
+    assert judge(meets, 0, unlawful=False) == "other"
+
+
+@pytest.mark.parametrize(
+    ("own", "theirs", "lane", "fault"),
+    [("east", "north", -2.3, "ego"), ("north", "east", 2.3, "other"), ("north", "west", -2.3, "ego")],
+)
+def test_in_a_ring_who_leaves_over_the_way_of_who_goes_on_is_at_fault(make_scene, own, theirs, lane, fault):
+    """By how far they turn in all, who goes on round the ring turned more."""
+    network = load_network("roundabout")
+    route, paths = network.route("south", own), network.paths
+    row = network.movement("south", theirs).rows[0]
+    ego_s = route.stop_line_s + 8.0
+    x, y, psi = (float(value) for value in route.path.pose(ego_s))
+    scene = make_scene({"row": 0, "s": 10.0, "v": 6.0}, v=6.0)
+    at = paths.stop_s[row] + 7.0
+    there = [float(value) for value in paths.pose(np.array(row), np.array(at))]
+    place = [there[0] - lane * math.sin(there[2]), there[1] + lane * math.cos(there[2])]
+    meets = replace(
+        scene, network=network, route=route, ego=replace(scene.ego, x=x, y=y, psi=psi), ego_s=ego_s,
+        ego_offset=0.0, path=np.array([row]), path_s=np.array([at]), position=np.array([place]),
+        heading=np.array([psi + 0.3]),
+    )  # fmt: skip
+    assert judge(meets, 0, unlawful=False) == fault
+
+
 def test_where_ways_merge_the_right_of_way_decides_unless_one_drives_behind(contact, four_way):
     own, yields = four_way.route("south", "right").row, four_way.paths.yields
     major = next(row for row in range(len(yields)) if yields[own, row] and not yields[row, own])
