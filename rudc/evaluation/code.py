@@ -54,15 +54,17 @@ def code_digest() -> str:
 def _files() -> list[_File]:
     code = str(Path(rudc.__file__).resolve().parent)
     networks = str(data_folder("sumo_networks"))
-    return [*sorted(_below(code, ".py")), *sorted(_below(networks, ".net.xml"))]
+    return [*sorted(_below(code, ".py")), *sorted(_below(networks, ".net.xml", links=True))]
 
 
-def _below(folder: str, ending: str, names: tuple[str, ...] = ()) -> Iterator[_File]:
-    """The files below a folder whose names end so, and are not hidden; pathlib takes thrice as long."""
+def _below(folder: str, ending: str, names: tuple[str, ...] = (), *, links: bool = False) -> Iterator[_File]:
+    """The files below a folder whose names end so, and are not hidden; pathlib takes thrice as long. `links`:
+    also in folders that the folder has as links.
+    """
     with os.scandir(os.path.join(folder, *names)) as entries:
         for entry in entries:
             here = (*names, entry.name)
-            if entry.is_dir(follow_symlinks=False):
+            if entry.is_dir(follow_symlinks=links):
                 yield from _below(folder, ending, here)
             elif entry.name.endswith(ending) and not entry.name.startswith(".") and entry.is_file():
                 about = entry.stat()

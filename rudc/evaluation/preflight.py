@@ -33,6 +33,7 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.casting import selected
 from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
+from rudc.world.events.conditions import way_to
 from rudc.world.events.places import across_arm, size_of
 from rudc.world.events.selection import arrivals
 from rudc.world.fitting import likely, misfits
@@ -139,6 +140,23 @@ def _why_not(scenario: Scenario, waiting: int, group: Conditions) -> Iterator[st
     yield from _endless(scenario, waiting, group)
     yield from _of_nothing(scenario, group)
     yield from _passed(scenario, group)
+    yield from _elsewhere(scenario, group)
+
+
+def _elsewhere(scenario: Scenario, when: Conditions) -> Iterator[str]:
+    """Why none of the ego's ways leads past a place, or so far beyond it."""
+    place = when.ego_distance_to_place
+    if place is None:
+        return
+    network, movements = _roads(scenario)
+    below = place.below.support[1] if place.below else math.inf
+    for route in (network.route(m.origin, m.destination) for m in movements):
+        last = route.exit_s + likely(scenario.ego.destination)[1] + network.vehicle.length
+        for end in (0, 1):
+            ahead = way_to(place, network, route, lambda value, end=end: likely(value)[end])
+            if ahead is not None and ahead - below <= last + network.vehicle.v_max * DECISION_S:
+                return
+    yield "it waits for ego_distance_to_place, and no way of the ego leads to that place, or so far past it"
 
 
 def _passed(scenario: Scenario, when: Conditions) -> Iterator[str]:

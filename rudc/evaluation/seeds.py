@@ -149,9 +149,11 @@ def paired_rate(new: Sequence[bool], old: Sequence[bool]) -> Paired:
 
 def paired_mean(new: ArrayLike, old: ArrayLike) -> Paired:
     """Mean of new - old, (n,) each in the same episodes; pairs of which one is nan count as not there. Raises
-    InputError unless both are numbers in a row, as many of each.
+    InputError unless both are numbers in a row, none of them infinite, as many of each.
     """
     one, other = row_of_numbers(new, "paired_mean"), row_of_numbers(old, "paired_mean")
+    if np.isinf(one).any() or np.isinf(other).any():
+        raise InputError("paired_mean: a value is infinite; give finite numbers, or nan for those not there")
     _refuse_unpaired("paired_mean", len(one), len(other))
     change = one - other
     change = change[~np.isnan(change)]

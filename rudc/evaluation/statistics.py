@@ -150,9 +150,11 @@ def student(values: Array, over: Array | None = None) -> tuple[float, float]:
 
 
 def _all_same(values: Array, over: Array | None) -> bool:
-    """Whether values, or their ratios to `over`, are equal; 0 of 0, which is no ratio, equals any."""
+    """Whether values, or their ratios to `over`, are equal but for rounding; 0 of 0, which is no ratio,
+    equals any.
+    """
     if over is None:
-        return bool((values == values[0]).all())
+        return np.allclose(values, values[0], rtol=1e-12, atol=0.0)
     return np.allclose(values * over.sum(), over * values.sum(), rtol=1e-12, atol=0.0)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from typing import Literal
 
@@ -21,6 +22,9 @@ from rudc.evaluation.text import MISSING, markdown, rate_decimals
 from rudc.hints import did_you_mean, there_are
 
 Format = Literal["csv", "markdown", "latex", "json"]
+NAMES = frozenset({"scenario", "agent", "folder", "network", "junction", "origin", "destination"})
+"""columns of names"""
+_NUMBER = re.compile(r"-?(0|[1-9]\d*)(\.\d+)?(e[+-]?\d+)?")
 _ARROWS = {"higher": " ↑", "lower": " ↓", None: ""}
 _LATEX_SIGNS = str.maketrans(
     {sign: f"\\{sign}" for sign in "&%$#_{}"}
@@ -178,13 +182,9 @@ def _json(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric])
 
 def _values(column: str, cells: Sequence[str]) -> Sequence[str | float]:
     """The cells of a column grouped by: numbers if all are; a name stays a name, whatever it looks like."""
-    if column in ("scenario", "agent", "folder"):
+    if column in NAMES or not all(map(_NUMBER.fullmatch, cells)):
         return cells
-    try:
-        are_numbers = all(math.isfinite(float(cell)) for cell in cells)
-    except ValueError:
-        return cells
-    return [int(cell) if cell.isdecimal() else float(cell) for cell in cells] if are_numbers else cells
+    return [int(cell) if cell.isdecimal() else float(cell) for cell in cells]
 
 
 def _or_none(value: float) -> float | None:

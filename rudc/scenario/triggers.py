@@ -198,8 +198,8 @@ class ReachPosition(Somewhere, frozen=True):
 
 
 class DistanceToPlace(Somewhere, PathThreshold, frozen=True):
-    """The distance in m along the ego's path to a place, or to where the path comes nearest to it; negative
-    once past it."""
+    """The distance in m along the ego's path to a place that is on it, or at most 10 m beside it; negative
+    once past it. It never holds in an episode in which the ego's path does not lead there."""
 
 
 def _some(groups: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -230,7 +230,7 @@ class Conditions(FileModel, frozen=True):
     ego_distance_to_junction: PathThreshold | None = None
     """m from the ego to its stop line, negative past it"""
     ego_distance_to_place: DistanceToPlace | None = None
-    """m from the ego along its path to a place, negative past it"""
+    """m from the ego along its path to a place on it or at most 10 m beside it, negative past it"""
     event_state: EventState | None = None
     """s since an earlier event of the file began, or was over"""
 

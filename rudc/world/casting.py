@@ -7,7 +7,8 @@ if the traffic already has such a vehicle:
                          ego's route, so that it leads all the way; both keep their lane. One that is added
                          is as far away as the ego's safe start asks (spawn.py).
     oncoming, crossing   a vehicle that reaches its stop line at about the same time as the ego, and crosses
-                         the ego's path.
+                         the ego's path. One that is added comes some seconds later where others are in the
+                         way.
     by a named arm       the same, though its path need not cross the ego's; nobody is added on the ego's own
                          arm. If its turn is named, too, it takes no other where its way is blocked
                          (detours.py).

@@ -171,6 +171,20 @@ def test_code_that_lies_still_is_read_once(tmp_path, monkeypatch):
     assert file in reads
 
 
+def test_networks_in_a_folder_that_is_a_link_count(tmp_path, monkeypatch):
+    (tmp_path / "__init__.py").write_text("")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/mine.net.xml").write_text("<net/>")
+    (tmp_path / "networks").mkdir()
+    monkeypatch.setattr("rudc.__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr("rudc.evaluation.code.data_folder", lambda _: tmp_path / "networks")
+    before = manifest.code_digest()
+    (tmp_path / "networks/mine").symlink_to(tmp_path / "mine")
+    linked = manifest.code_digest()
+    (tmp_path / "mine/mine.net.xml").write_text("<net></net>")
+    assert len({before, linked, manifest.code_digest()}) == 3
+
+
 def test_what_an_editor_keeps_beside_the_code_is_no_code(tmp_path, monkeypatch):
     (tmp_path / "__init__.py").write_text("")
     monkeypatch.setattr("rudc.__file__", str(tmp_path / "__init__.py"))

@@ -324,10 +324,16 @@ events:
   - {kind: hard_brake, vehicle: crossing, when: {ego_distance_to_junction: {below: -30}}}
   - {kind: hard_brake, vehicle: leader, when: {stand_still: {above: 50}}}
   - {kind: hard_brake, vehicle: leader, when: {relative_distance: {vehicle: oncoming, below: 20}}}
+  - {kind: hard_brake, vehicle: leader, when: {ego_distance_to_place: {lane: ego_out, at: 20, below: -40}}}
+  - {kind: hard_brake, vehicle: leader, when: {ego_distance_to_place: {lane: ego_out, at: 20, below: -5}}}
+  - {kind: hard_brake, vehicle: leader, when: {ego_distance_to_place: {lane: east_out_0, at: 60, below: 5}}}
 """
     told = never_happening(load_scenario(written(text)))
     starts = [line.partition(" (ego.destination)")[0] for line in told]
-    assert len(told) == 5
+    assert len(told) == 7
+    past = "hard_brake can never happen: it waits for ego_distance_to_place, and no way of the ego leads to"
+    assert told[5].startswith(f"event 6 (events.5) {past}")
+    assert told[6].startswith(f"event 8 (events.7) {past}")
     assert told[0].startswith("the ego starts at 10 m/s at most, not at 18 (ego.speed)")
     assert told[1].startswith(
         "event 1 (events.0) hard_brake can never happen: no arm lies opposite the ego's"
@@ -340,4 +346,5 @@ events:
         "event 5 (events.4) hard_brake can never happen: no arm lies opposite the ego's"
     )
     main = text.replace("south, turn: left", "west, turn: straight").replace("speed: 18", "speed: 10")
-    assert [line[:7] for line in never_happening(load_scenario(written(main)))] == ["event 2", "event 4"]
+    found = [line[:7] for line in never_happening(load_scenario(written(main)))]
+    assert found == ["event 2", "event 4", "event 6", "event 8"]

@@ -122,10 +122,12 @@ def test_a_rate_that_is_not_zero_does_not_look_like_it():
 def test_json_has_columns_of_numbers_as_numbers(rows):
     for k, row in enumerate(rows):
         row["density"], row["redraws"], row["scenario"] = "12.5", str(k % 2), "7"
-        row["first_event_s"] = "0.5" if k % 2 else ""
-    by = ("scenario", "density", "redraws", "first_event_s")
+        row["first_event_s"], row["place"] = "0.5" if k % 2 else "", "007"
+    by = ("scenario", "density", "redraws", "first_event_s", "place")
     lines = json.loads(make_table(rows, by, "json"))
-    assert [[line[name] for name in by] for line in lines] == [["7", 12.5, 0, ""], ["7", 12.5, 1, "0.5"]]
+    first, second = ([line[name] for name in by] for line in lines)
+    assert first == ["7", 12.5, 0, "", "007"]
+    assert second == ["7", 12.5, 1, "0.5", "007"]
 
 
 def test_any_metric_can_be_shown(rows):

@@ -132,6 +132,12 @@ def test_the_egos_distance_to_a_place_is_negative_once_it_is_past_it(world_on):
             scene = world.scene()
         ahead = last.route.path.project(x, y)[0] - last.ego_s - 0.5 * last.vehicle.length
         assert metres - 1.0 < ahead < metres
+    elsewhere = {"ego_distance_to_place": {"lane": "east_out_0", "at": 20, "below": 900}}
+    east = event("density_surge", density=50, when=elsewhere)
+    world.reset(replace(source, events=(east,)).plan(0))
+    for _ in range(100):
+        world.advance(follow(world.scene()))
+    assert world.traffic.density < 50, "it is not on its way"
 
 
 @pytest.mark.parametrize(("kind", "size"), [("bicycle", Kind.BICYCLE), ("motorcycle", Kind.MOTORCYCLE)])

@@ -16,8 +16,12 @@ from rudc.world.events.selection import pick
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.scenario.triggers import Conditions, Trigger
+    from rudc.network.network import Network, Route
+    from rudc.scenario.triggers import Conditions, Somewhere, Trigger
     from rudc.world.events.stage import WorldStage
+
+BESIDE_M = 10.0
+"""m beside the ego's path, up to which the path leads past a place: as far as its road is wide"""
 
 
 def holds(trigger: Trigger, scene: Scene, stage: WorldStage) -> bool:
@@ -53,12 +57,12 @@ def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage, t
 
 
 def _ego_distance_to_place(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
-    s, _ = scene.route.path.project(*_place(condition, scene))
-    return condition.holds(s - scene.ego_s - 0.5 * scene.vehicle.length)
+    way = way_to(condition, scene.network, scene.route, float)
+    return way is not None and condition.holds(way - scene.front_s)
 
 
 def _reach_position(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
-    x, y = _place(condition, scene)
+    x, y = _where(condition, scene.network, scene.route, float)
     if condition.vehicle is None:
         return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
     away = scene.position[_whom(condition, scene, stage, trigger)] - (x, y)
@@ -97,12 +101,21 @@ def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage, trigger:
     )
 
 
-def _place(condition: Any, scene: Scene) -> tuple[float, float]:
-    """x, y (m) of the place that a condition is about."""
-    if condition.lane is not None:
-        x, y, _ = scene.network.place_on_lane(condition.lane, float(condition.at), route=scene.route)
+def way_to(place: Somewhere, network: Network, route: Route, drawn: Callable[[Any], float]) -> float | None:
+    """m along a route's path to a place; None where the path does not lead past it, at most BESIDE_M away.
+    `drawn` says which of its numbers are meant where they are drawn."""
+    s, beside = route.path.project(*_where(place, network, route, drawn))
+    return s if abs(beside) <= BESIDE_M else None
+
+
+def _where(
+    place: Somewhere, network: Network, route: Route, drawn: Callable[[Any], float]
+) -> tuple[float, float]:
+    """x, y (m) of a place."""
+    if place.lane is not None:
+        x, y, _ = network.place_on_lane(place.lane, drawn(place.at), route=route)
     else:
-        x, y = scene.network.center + [float(value) for value in condition.position]
+        x, y = network.center + [drawn(value) for value in place.position or ()]
     return float(x), float(y)
 
 
