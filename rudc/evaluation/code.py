@@ -13,7 +13,7 @@ import rudc
 from rudc.data import data_folder
 
 SETTLED_NS = 2_000_000_000
-"""ns; what was written longer ago would show by its times that it was written again"""
+"""ns; if a file was written longer ago than this, writing it again changes its times"""
 
 
 class _File(NamedTuple):
@@ -23,9 +23,12 @@ class _File(NamedTuple):
     names: tuple[str, ...]
     """from there to the file"""
     size: int
+    """bytes"""
     written_ns: int
+    """ns, when its content was written last"""
     changed_ns: int
-    number: int
+    """ns, when anything of it was changed last, its times included"""
+    inode: int
 
 
 _known: tuple[list[_File], str] | None = None
@@ -59,7 +62,7 @@ def _files() -> list[_File]:
 
 def _below(folder: str, ending: str, names: tuple[str, ...] = (), *, links: bool = False) -> Iterator[_File]:
     """The files below a folder whose names end so, and are not hidden; pathlib takes thrice as long. `links`:
-    also in folders that the folder has as links.
+    also those in folders that are links there.
     """
     with os.scandir(os.path.join(folder, *names)) as entries:
         for entry in entries:

@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from rudc.agents.variation import split
 from rudc.errors import InputError
 from rudc.evaluation.columns import METRICS, Metric
 from rudc.evaluation.metrics import Group
@@ -73,8 +74,7 @@ def paper_name(agent: str, algorithms: Mapping[str, str]) -> str:
     behind their names included. `algorithms`: agent -> the algorithm that it learnt by; an agent that is not
     there is called as its algorithm, or with a training seed behind it (`sac-seed1`).
     """
-    _, colon, text = agent.rpartition(":")
-    if colon and "=" in text:
+    if split(agent)[1]:
         return ""
     algorithm = ALGORITHMS.get(algorithms.get(agent) or re.sub(r"-seed\d+$", "", agent))
     return "" if algorithm is None else algorithm.paper

@@ -118,9 +118,7 @@ class Passing:
         """of each thing that stands on the road, its name and place (m), and whether it is waited for"""
         self._find([], (), ())
 
-    def look(
-        self, props: list[Prop], passable: Collection[str], waited_for: Collection[str] = frozenset()
-    ) -> None:
+    def look(self, props: list[Prop], passable: Collection[str], waited_for: Collection[str]) -> None:
         """Find out what stands on the road now, and where SVs have room beside it: beside things of the names
         `passable` within their lane. Those `waited_for` do not block a row for good.
         """
