@@ -20,8 +20,8 @@ An SV that leads or follows the ego for an event changes lanes only once it is o
 not already before the junction for something behind the junction, and takes another movement only where none
 of this helps, from its own lane. One whose turn an event names (`Driver.keeps_turn`) takes no other movement.
 
-SVs that enter the road choose among the movements that are not blocked for good. For what an event takes away
-again within PATIENT_S they wait.
+SVs that enter the road choose among the movements that are not blocked for good. What an event takes away
+within PATIENT_S does not block for good: SVs wait for it to go.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ COMFORT = 2.5
 """m/s2: an SV begins to brake for that place once it needs more than this, or, on a slippery road, more than
 what is comfortable there"""
 PATIENT_S = 15.0
-"""s for which a thing stands, up to which SVs wait for it to go instead of taking another way"""
+"""s; SVs wait for a thing that stands no longer than this to go, and do not take another way"""
 HOLD_S = 2.0
 """s for which SUMO is asked to keep an SV on another lane"""
 

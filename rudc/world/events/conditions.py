@@ -102,8 +102,9 @@ def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage, trigger:
 
 
 def way_to(place: Somewhere, network: Network, route: Route, drawn: Callable[[Any], float]) -> float | None:
-    """m along a route's path to a place; None where the path does not lead past it, at most BESIDE_M away.
-    `drawn` says which of its numbers are meant where they are drawn."""
+    """m along a route's path to a place; None where the place is more than BESIDE_M beside the path. `drawn`
+    turns the numbers of the place, which may be distributions, into floats.
+    """
     s, beside = route.path.project(*_where(place, network, route, drawn))
     return s if abs(beside) <= BESIDE_M else None
 
