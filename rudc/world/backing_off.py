@@ -2,11 +2,11 @@
 
 If two vehicles have stopped in each other's way, each waits for the other. Neither the ego's plant nor SUMO
 has a reverse gear, so they would stand for good; real drivers go back. Once the ego has stood for STOOD_S,
-an SV that stands in the ego's way, and whose own way the ego bars, goes back along its lane at PACE m/s. It
-stops as soon as ROOM m are free between it and the ego's way. From the junction it does not go back over its
-stop line, and it keeps CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S
-at most. It does so once. Where others stand right behind it, they go back first, the last of them before all
-others, if they are QUEUE at most with it.
+an SV that stands in the ego's way goes back along its lane at PACE m/s, if the ego bars its own way, or that
+of another SV that stands and bars it. It stops as soon as ROOM m are free between it and the ego's way. From
+the junction it does not go back over its stop line, and it keeps CLEAR_M from everybody. Then it waits until
+its way is free of the ego, for PATIENCE_S at most. It does so once. Where others stand right behind it, they
+go back first, the last of them before all others, if they are QUEUE at most with it.
 
 SUMO has no negative speed, so in the meantime the scene says that it stands.
 """
@@ -14,6 +14,7 @@ SUMO has no negative speed, so in the meantime the scene says that it stands.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -78,7 +79,7 @@ class BackingOff:
         if scene.waited_s >= STOOD_S:
             for i in _at_its_nose(scene).tolist():
                 meets = self._may_begin(scene, i) and _in_its_way(scene, i, PASSING)
-                if meets and bars(scene, i, AHEAD_M, beyond=True):
+                if meets and _waits_for_ego(scene, i):
                     first = self._who_first(scene, i, step)
                     if first is not None:
                         self._begin(scene, i, "")
@@ -136,7 +137,7 @@ class BackingOff:
         """Whether the SV of row i drives on."""
         if scene.time_s >= back.until_s:
             return True
-        return back.ahead not in self._back if back.ahead else not bars(scene, i, AHEAD_M, beyond=True)
+        return back.ahead not in self._back if back.ahead else not _waits_for_ego(scene, i)
 
     def _must_move(self, scene: Scene, i: int, back: _Back, step: float) -> bool:
         """Whether the SV of row i must go back farther: the one at the ego's nose until it has left the ego
@@ -151,17 +152,36 @@ def bars(scene: Scene, i: int, ahead_m: float, *, beyond: bool = False) -> bool:
     """Whether the ego stands in the way of the SV of row i of the scene, on the next `ahead_m` m of its lane
     or up to where the junction ends, whichever is nearer; with `beyond`, there too, if the ego faces it.
     """
-    paths, ego, size = scene.network.paths, scene.ego, scene.size[i]
-    end = ahead_m
-    if not (beyond and math.cos(scene.heading[i] - ego.psi) < -OPPOSITE):
+    ego, body = scene.ego, scene.vehicle
+    beyond = beyond and math.cos(scene.heading[i] - ego.psi) < -OPPOSITE
+    return _on_its_way(scene, i, ahead_m, (ego.x, ego.y, ego.psi, body.length, body.width), beyond=beyond)
+
+
+def _on_its_way(scene: Scene, i: int, ahead_m: float, body: Sequence[float], *, beyond: bool = False) -> bool:
+    """Whether a body (centre, m; heading, rad; length and width, m) stands in the way of the SV of row i, as
+    `bars` has it.
+    """
+    paths, size, end = scene.network.paths, scene.size[i], ahead_m
+    if not beyond:
         end = min(end, float(paths.exit_s[scene.path[i]] + size[0] - scene.path_s[i]))
     s = scene.path_s[i] + np.arange(0.0, max(end, SPACING), SPACING)
     position, heading = paths.body_pose(np.full(len(s), scene.path[i]), s, float(size[0]))
-    gaps = rectangle_gaps(
-        ego.x, ego.y, ego.psi, scene.vehicle.length, scene.vehicle.width,
-        position, heading, np.tile(size, (len(s), 1)),
-    )  # fmt: skip
+    x, y, psi, length, width = body
+    gaps = rectangle_gaps(x, y, psi, length, width, position, heading, np.tile(size, (len(s), 1)))
     return bool(gaps.min() < PASSING)
+
+
+def _waits_for_ego(scene: Scene, i: int) -> bool:
+    """Whether the ego bars the SV of row i, or another SV that stands and bars that one."""
+    if bars(scene, i, AHEAD_M, beyond=True):
+        return True
+    stand = ((scene.path >= 0) & (scene.speed < STANDING)).nonzero()[0]
+    return any(
+        k != i
+        and _on_its_way(scene, i, AHEAD_M, [*scene.position[k], scene.heading[k], *scene.size[k]])
+        and bars(scene, k, AHEAD_M, beyond=True)
+        for k in stand.tolist()
+    )
 
 
 def _at_its_nose(scene: Scene) -> Index:

@@ -134,6 +134,28 @@ def test_who_has_left_the_junction_goes_back_before_an_ego_that_faces_it(make_sc
     assert bool(asked.places) == goes
 
 
+@pytest.mark.parametrize("third", [True, False])
+def test_three_that_wait_for_each_other_in_a_circle(make_scene, four_way, third):
+    """A circle of three: the ego barred one who turns left, who barred a bus, which barred the ego."""
+    paths, route = four_way.paths, four_way.route("south", "straight")
+    bus, left = four_way.route("east", "straight").row, four_way.route("north", "left").row
+    along = {row: np.arange(float(paths.stop_s[row]), float(paths.exit_s[row]), 0.25) for row in (bus, left)}
+    position = {row: paths.body_pose(np.full(len(s), row), s, 5.0)[0] for row, s in along.items()}
+    s_left = along[left][np.hypot(*(position[left] - (-0.5, 6.0)).T).argmin()]
+    s_bus = along[bus][np.abs(position[bus][:, 0] - 5.2).argmin()]
+    others = [{"row": bus, "s": float(s_bus), "v": 0.0}, {"row": left, "s": float(s_left), "v": 0.0}]
+    scene = make_scene(*others[: 1 + third], v=0.0, waited_s=STOOD_S)
+    x, y = 3.2, -0.2
+    ego_s, offset = (float(v) for v in route.path.project(x, y))
+    ego = replace(scene.ego, x=x, y=y, psi=0.5 * math.pi)
+    scene = replace(scene, ego=ego, ego_s=ego_s, ego_offset=offset)
+    assert backing_off._in_its_way(scene, 0, 0.25)
+    assert not backing_off.bars(scene, 0, 8.0, beyond=True)
+    one, asked = backing()
+    one.step(scene, DECISION_S)
+    assert [name for name, *_ in asked.places] == ["other0"] * third
+
+
 def test_nobody_goes_back_into_who_is_behind(nose_to_nose):
     scene = nose_to_nose()
     (x, y), psi, length = scene.position[0], scene.heading[0], scene.size[0, 0]
