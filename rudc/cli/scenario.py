@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 DISTRIBUTIONS = (
     "A number may be drawn: {uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}}, "
     "{choice: [a, b]} or {choice: {values: [a, b], weights: [1, 3]}}; so may words whose type says so. "
-    "{shared: NAME} is a number of the section `shared`: one draw for several keys."
+    "{shared: NAME} is a number of the section `shared`: one draw for several keys; it says which value of "
+    "{choice: [a, b], shared: NAME} it is, 0 the first."
 )
 DRAWN = "distribution", "uniform", "normal", "choice", "values", "weights"
 """words that are explained by DISTRIBUTIONS"""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from rudc.drawing.view import Driving, ShownEvent, View
 from rudc.scenario.base import FileModel
-from rudc.scenario.choices import Drawable
 from rudc.scenario.distributions import Distribution
+from rudc.scenario.drawable import Drawable
 from rudc.scenario.units import unit_of
 from rudc.world.events.account import told
 from rudc.world.scene import Kind, Scene

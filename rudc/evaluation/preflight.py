@@ -17,7 +17,7 @@ from rudc.network.check import against_lane
 from rudc.network.network import load_network
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_IN, EGO_OUT
-from rudc.scenario.choices import possible
+from rudc.scenario.choices import possible, words_in
 from rudc.scenario.dotted import value_text
 from rudc.scenario.events import effect_of
 from rudc.scenario.events.pedestrian_crossing import PedestrianCrossing
@@ -269,6 +269,7 @@ def _of_nothing(scenario: Scenario, when: Conditions) -> Iterator[str]:
 def _unused(scenario: Scenario) -> Iterator[str]:
     """A shared number that nothing names."""
     named = {number.shared for _, number in numbers_in(scenario) if isinstance(number, Shared)}
+    named |= {word.shared for word in words_in(scenario)}
     for name in scenario.shared:
         if name not in named:
             yield f"nothing names the shared number {name!r}: {{shared: {name}}} would"

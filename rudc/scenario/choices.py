@@ -1,30 +1,24 @@
 """`{choice: [...]}` in a scenario, for numbers and for words.
 
 Where a model has `Side`, `Place` or another word that is annotated with `OrChoice`, a file writes a word, or
-`{choice: [left, right]}`.
+`{choice: [left, right]}`. With `{choice: [left, right], shared: NAME}` a shared number
+(rudc/scenario/shared.py) says which, 0 the first, so that several keys of a scenario may go together.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema, core_schema
 
-from rudc.scenario.base import FileModel, Identifier, Number, refuse
-
-
-class Drawable(FileModel, frozen=True):
-    """A value of a file that may differ from episode to episode."""
-
-    @abstractmethod
-    def drawn(self, rng: np.random.Generator) -> Any:
-        """A fixed value, drawn from it, to stand in its place."""
+from rudc.scenario.base import FileModel, Identifier, Number, parts_of, refuse, with_parts
+from rudc.scenario.drawable import Drawable, refuse_no_place, shared_number
 
 
 class ChoiceParameters(FileModel, frozen=True):
@@ -63,6 +57,11 @@ class ChoiceParameters(FileModel, frozen=True):
             refuse("one weight at least must be above 0, and the sum of all finite", "weights")
         return self
 
+    def refuse_weights(self) -> None:
+        """Refuse weights, where a shared number says which value it is."""
+        if self.weights is not None:
+            refuse("has no effect beside `shared`, whose number says which value it is", "choice", "weights")
+
     @property
     def shares(self) -> list[float]:
         """Probability of each value."""
@@ -80,6 +79,20 @@ class WordChoice(Drawable, frozen=True):
 
     choice: ChoiceParameters
     """the words; or {values: [...], weights: [...]}"""
+    shared: Identifier | None = None
+    """name of the shared number that says which, 0 the first; by default each is drawn by itself"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.shared is not None:
+            self.choice.refuse_weights()
+            refuse_no_place(self.shared, shared_number(self.shared), len(self.choice.values))
+        return self
+
+    @property
+    def possible(self) -> tuple[str, ...]:
+        """Every word that may be drawn."""
+        return self.choice.possible
 
     def drawn(self, rng: np.random.Generator) -> str:
         """Draw one word."""
@@ -108,7 +121,39 @@ class OrChoice:
 
 def possible(word: Any) -> tuple[Any, ...]:
     """Every word that may be drawn: of a fixed one itself."""
-    return word.choice.possible if isinstance(word, WordChoice) else (word,)
+    return word.possible if isinstance(word, WordChoice) else (word,)
+
+
+def possible_together(*words: Any) -> list[tuple[Any, ...]]:
+    """Every combination of words that may be drawn: those that name the same shared number go together."""
+    choices = [word for word in words if isinstance(word, WordChoice)]
+    shared = {word.shared: len(word.choice.values) for word in choices if word.shared is not None}
+    found = dict[tuple[Any, ...], None]()
+    for places in itertools.product(*map(range, shared.values())):
+        at = dict(zip(shared, places, strict=True))
+        told = [with_shared(word, at) for word in words]
+        found |= dict.fromkeys(itertools.product(*map(possible, told)))
+    return [*found]
+
+
+def words_in(value: Any) -> Iterator[WordChoice]:
+    """Each choice of words in a model, or tuple, list or dict of them."""
+    if isinstance(value, WordChoice):
+        yield value
+    elif not isinstance(value, Drawable):
+        for _, part in parts_of(value):
+            yield from words_in(part)
+
+
+def with_shared(value: Any, numbers: Mapping[str, float]) -> Any:
+    """The same word, model, or tuple, list or dict of them, with the word that a shared number says in the
+    place of each `WordChoice` that names one; `numbers`: name -> value.
+    """
+    if isinstance(value, WordChoice) and value.shared is not None:
+        return value.choice.values[int(numbers[value.shared])]
+    if isinstance(value, Drawable):
+        return value
+    return with_parts(value, lambda _, part: with_shared(part, numbers))
 
 
 SideOfRoad = Literal["left", "right"]

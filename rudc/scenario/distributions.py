@@ -1,8 +1,9 @@
 """Numbers in a scenario: fixed ones, and ones drawn at random.
 
 A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s, low: l, high: h}}`,
-`{choice: [a, b, c]}`, or `{shared: name}` for one that several keys share (rudc/scenario/shared.py). Normals
-are truncated: to their own `low` and `high`, and otherwise to what is physically sane for their key.
+`{choice: [a, b, c]}`, or `{shared: name}` for one that several keys share (rudc/scenario/shared.py), which
+may also say which of a `choice` it is. Normals are truncated: to their own `low` and `high`, and otherwise to
+what is physically sane for their key.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, Self, cast
 
 import numpy as np
 from pydantic import (
@@ -26,9 +27,10 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.scenario.base import FileModel, Number, refuse, with_parts
-from rudc.scenario.choices import ChoiceParameters, Drawable
+from rudc.scenario.choices import ChoiceParameters
+from rudc.scenario.drawable import Drawable, refuse_no_place
 from rudc.scenario.fixed import Constant, Distribution
-from rudc.scenario.shared import Shared
+from rudc.scenario.shared import Shared, SharedNumber
 
 FORMS = (
     "{uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be left out) "
@@ -174,6 +176,11 @@ class Choice(Distribution, frozen=True):
         return float(rng.choice(self.choice.values, p=self.choice.shares))
 
     @property
+    def possible(self) -> tuple[float, ...]:
+        """The values that are ever drawn."""
+        return self.choice.possible
+
+    @property
     def mean(self) -> float:
         """Weighted mean of the values."""
         return float(np.average(self.choice.values, weights=self.choice.shares))
@@ -184,14 +191,54 @@ class Choice(Distribution, frozen=True):
         return min(self.choice.possible), max(self.choice.possible)
 
 
+class SharedChoice(Shared, frozen=True):
+    """Of several values the one that a number of the scenario's section `shared` says, 0 the first."""
+
+    choice: Numbers
+    """the values"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.choice.refuse_weights()
+        refuse_no_place(self.shared, self.number, len(self.choice.values))
+        return self
+
+    def of(self, value: float) -> float:
+        """What this is where the shared number is `value`."""
+        return self.choice.values[int(value)]
+
+    @property
+    def mean(self) -> float:
+        """Mean of the values, as often as the shared number says each."""
+        number = self.number
+        if isinstance(number, Choice):
+            return float(np.average([*map(self.of, number.choice.values)], weights=number.choice.shares))
+        return math.nan if number is None else self.of(number.mean)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Least and greatest value of those that the shared number may say."""
+        values = self.possible or self.choice.values
+        return min(values), max(values)
+
+
+_TAGS = {
+    ("uniform",): "<uniform>",
+    ("normal",): "<normal>",
+    ("choice",): "<choice>",
+    ("shared",): "<sharednumber>",
+    ("choice", "shared"): "<sharedchoice>",
+}
+
+
 def _form(value: Any) -> str | None:
     """Tag of the form a value is written in; tags carry brackets so that none reads like a key."""
     if isinstance(value, Distribution):
         return f"<{type(value).__name__.lower()}>"
     if not isinstance(value, Mapping):
         return "<constant>" if not isinstance(value, list | tuple) else None
-    forms = [form for form in ("uniform", "normal", "choice", "shared") if form in value]
-    return f"<{forms[0]}>" if len(forms) == 1 else None
+    forms = tuple(form for form in ("uniform", "normal", "choice", "shared") if form in value)
+    return _TAGS.get(forms)
 
 
 AnyDistribution = Annotated[
@@ -199,7 +246,8 @@ AnyDistribution = Annotated[
     | Annotated[Uniform, Tag("<uniform>")]
     | Annotated[Normal, Tag("<normal>")]
     | Annotated[Choice, Tag("<choice>")]
-    | Annotated[Shared, Tag("<shared>")],
+    | Annotated[SharedNumber, Tag("<sharednumber>")]
+    | Annotated[SharedChoice, Tag("<sharedchoice>")],
     Discriminator(
         _form, custom_error_type="distribution", custom_error_message="expected a number or a distribution"
     ),
@@ -275,7 +323,7 @@ def _numbers(value: Distribution) -> list[tuple[tuple[str | int, ...], float]]:
             return [((), value.value)]
         case Uniform():
             return [(("uniform", i), end) for i, end in enumerate(value.uniform)]
-        case Choice():
+        case Choice() | SharedChoice():
             return [(("choice", "values", i), end) for i, end in enumerate(value.choice.values)]
         case Normal(normal=limits):
             named = (("mean", limits.mean), ("low", limits.low), ("high", limits.high))

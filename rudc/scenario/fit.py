@@ -15,7 +15,9 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
+from rudc.scenario.distributions import shared_in
 from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
+from rudc.scenario.drawable import sharing
 from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.model import GRID_LIMIT
 from rudc.scenario.networks import existing_network
@@ -30,7 +32,7 @@ _EVENT: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 _EGO: TypeAdapter[Ego] = TypeAdapter(Ego)
 _TRAFFIC: TypeAdapter[Traffic] = TypeAdapter(Traffic)
 _NETWORK = "four_way"
-ASKED_ABOUT = ("network", "junction", "ego", "events", "traffic.from", "traffic.turns")
+ASKED_ABOUT = ("network", "junction", "ego", "events", "traffic.from", "traffic.turns", "shared")
 """dotted keys that a fit can depend on"""
 ASKED = 64
 """combinations of their swept values that are checked; the others may fail when a sweep comes to them"""
@@ -70,7 +72,8 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
                 point, paths[key] = with_value(point, key, axes[key][i])
         except DottedKeyError:  # one swept value leaves no place for another: `sweep_reports` says so
             continue
-        parts = readable(point)
+        with sharing(shared_in(point)):
+            parts = readable(point)
         for problem in fit(parts) if parts is not None else ():
             found.setdefault(problem, []).append(choice)
     for problems in _by_path(found):

@@ -11,7 +11,7 @@ from pydantic import GetJsonSchemaHandler, model_serializer, model_validator
 from pydantic_core import CoreSchema
 
 from rudc.scenario.base import Number
-from rudc.scenario.choices import Drawable
+from rudc.scenario.drawable import Drawable
 
 
 class Distribution(Drawable, frozen=True):
@@ -30,6 +30,11 @@ class Distribution(Drawable, frozen=True):
     @abstractmethod
     def support(self) -> tuple[float, float]:
         """Least and greatest value it can take."""
+
+    @property
+    def possible(self) -> tuple[float, ...] | None:
+        """Every value that it can take; None where they cannot be listed."""
+        return None
 
     def drawn(self, rng: np.random.Generator) -> Constant:
         """A fixed number, drawn from it, to stand in its place."""
@@ -68,6 +73,11 @@ class Constant(Distribution, frozen=True):
     def sample(self, rng: np.random.Generator) -> float:
         """The number itself."""
         return self.value
+
+    @property
+    def possible(self) -> tuple[float, ...]:
+        """The number itself."""
+        return (self.value,)
 
     @property
     def mean(self) -> float:

@@ -34,8 +34,10 @@ from pydantic_core import InitErrorDetails
 from rudc.errors import InputError, ScenarioError
 from rudc.hints import there_are
 from rudc.scenario.base import FileModel, Identifier, NonEmpty, checked_beside, detail, refuse
+from rudc.scenario.choices import with_shared
 from rudc.scenario.distributions import AnyDistribution, may_be_shared, shared_in
 from rudc.scenario.dotted import DottedKeyError, dotted, value_at, with_value
+from rudc.scenario.drawable import sharing
 from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.fixed import Constant, Distribution
 from rudc.scenario.networks import existing_network, is_network_path
@@ -43,7 +45,7 @@ from rudc.scenario.numbers_in import with_numbers
 from rudc.scenario.plan import EpisodePlan
 from rudc.scenario.problems import describe
 from rudc.scenario.sections import Ego, Episode, Traffic
-from rudc.scenario.shared import Shared, sharing
+from rudc.scenario.shared import Shared
 from rudc.scenario.triggers import named_events
 from rudc.scenario.yaml_text import YamlDumper
 
@@ -198,7 +200,7 @@ class Scenario(FileModel, frozen=True):
         default_factory=dict
     )
     """name -> number, drawn once an episode; {shared: NAME, times: 1, plus: 0} stands for it, wherever a
-    number does"""
+    number does, and {choice: [...], shared: NAME} for the value at that place of the list, 0 the first"""
     events: Annotated[tuple[AnyEvent, ...], WrapValidator(_checked)] = ()
     """what happens besides ordinary traffic"""
     episode: Episode = Episode()
@@ -340,4 +342,4 @@ class Scenario(FileModel, frozen=True):
         def told(_: str, number: Distribution) -> Distribution:
             return Constant(value=number.of(values[number.shared])) if isinstance(number, Shared) else number
 
-        return with_numbers(self, told)
+        return with_shared(with_numbers(self, told), values)

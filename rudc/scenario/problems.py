@@ -15,15 +15,16 @@ from pydantic_core import ErrorDetails
 from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import FileModel
 from rudc.scenario.choices import WordChoice
-from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
+from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, SharedChoice, Uniform
 from rudc.scenario.dotted import Path
 from rudc.scenario.events.registry import EVENT_KINDS, tag_of
 from rudc.scenario.selectors import ByArm
-from rudc.scenario.shared import Shared
+from rudc.scenario.shared import SharedNumber
 from rudc.scenario.units import unit_of
 
 _FORMS: dict[str, type[FileModel]] = {
-    f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice, Shared)
+    f"<{model.__name__.lower()}>": model
+    for model in (Constant, Uniform, Normal, Choice, SharedNumber, SharedChoice)
 }
 _FORMS |= {"<words>": WordChoice, "<by arm>": ByArm}
 _PAIR = {"mean": 0, "std": 1}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Self
 
@@ -19,7 +18,7 @@ from pydantic_core import CoreSchema
 
 from rudc.errors import InputError
 from rudc.scenario.base import FileModel, Identifier, Truth, refuse
-from rudc.scenario.choices import AnyEgoTurn, Place, possible
+from rudc.scenario.choices import AnyEgoTurn, Place, possible_together
 from rudc.scenario.distributions import (
     AnyDistribution,
     Bounds,
@@ -73,10 +72,9 @@ class EgoRoute(FileModel, frozen=True):
 
     def each(self) -> list[EgoRoute]:
         """Every route that may be drawn, with nothing left to `choice`."""
-        words = possible(self.origin), possible(self.turn), possible(self.to)
         return [
             self.model_copy(update={"origin": origin, "turn": turn, "to": to})
-            for origin, turn, to in itertools.product(*words)
+            for origin, turn, to in possible_together(self.origin, self.turn, self.to)
         ]
 
     @model_serializer(mode="wrap")

@@ -49,8 +49,8 @@ class Threshold(FileModel, frozen=True):
         if above is None or below is None:
             return False
         if isinstance(above, Shared) and isinstance(below, Shared) and above.shared == below.shared:
-            ends = above.number.support if above.number is not None else ()
-            return bool(ends) and all(above.of(end) >= below.of(end) for end in ends)
+            values = (above.number.possible or above.number.support) if above.number is not None else ()
+            return bool(values) and all(above.of(value) >= below.of(value) for value in values)
         return above.support[0] >= below.support[1]
 
     def as_drawn(self) -> Self:

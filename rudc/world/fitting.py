@@ -18,9 +18,10 @@ from rudc.network.road import Arm, Movement
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_ARMS, EGO_LANES, stretch_by_id
 from rudc.scenario.base import FileModel, parts_of
-from rudc.scenario.choices import Drawable, WordChoice, possible
+from rudc.scenario.choices import WordChoice, possible, possible_together
 from rudc.scenario.distributions import Distribution, Normal
 from rudc.scenario.dotted import Path
+from rudc.scenario.drawable import Drawable
 from rudc.scenario.fit import Parts
 from rudc.scenario.problems import Problem
 from rudc.scenario.sections import Ego, Traffic, may_be_zero
@@ -168,7 +169,7 @@ def _by_arm(value: Any, path: Path) -> Iterator[tuple[Path, ByArm]]:
 def _nobody_by(network: Network, path: Path, who: ByArm) -> list[Problem]:
     """The problems with the arm of a selector, and with its turn: with each that may be drawn."""
     problems = dict[Problem, None]()
-    for name, turn in itertools.product(possible(who.origin), possible(who.turn)):
+    for name, turn in possible_together(who.origin, who.turn):
         try:
             if not by_arm(network, who.model_copy(update={"origin": name, "turn": turn})).any():
                 key = "turn" if turn and network.arm(name).in_lanes else "from"

@@ -19,9 +19,9 @@ from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
 from rudc.network.stretches import EGO_LANES
 from rudc.scenario.base import parts_of
-from rudc.scenario.choices import Drawable
 from rudc.scenario.distributions import Constant
 from rudc.scenario.dotted import Path, dotted
+from rudc.scenario.drawable import Drawable
 from rudc.scenario.events import Event, effect_of
 from rudc.scenario.events.registry import ask_effect
 from rudc.scenario.events.stage import Body, Halt, Size, XYHeading

@@ -10,6 +10,8 @@ from rudc.errors import ScenarioError
 from rudc.evaluation.preflight import never_happening
 from rudc.evaluation.search.space import space_of
 from rudc.scenario import load_scenario
+from rudc.scenario.choices import possible_together
+from rudc.world.fitting import misfits
 from tests.scenario.test_errors import check, problems
 from tests.scenario.test_json_schema import SCHEMA, valid
 from tests.scenario.test_plan import scenario
@@ -137,6 +139,94 @@ def test_a_search_varies_the_shared_number_itself():
     plan = space.fixed(read, values).plan(1)
     assert float(plan.events[0].at) == pytest.approx(16.0)
     assert float(plan.events[1].at) == pytest.approx(29.0)
+
+
+CORNERS = {
+    "shared": {"corner": {"choice": {"values": [0, 1], "weights": [3, 1]}}, "wait": {"uniform": [1, 2]}},
+    "ego": {"route": {"from": {"choice": ["south", "north"], "shared": "corner"}, "turn": "left"}},
+    "events": [
+        {
+            "kind": "stalled_vehicle",
+            "lane": {"choice": ["east_out_0", "west_out_0"], "shared": "corner"},
+            "at": {"choice": [25, 12], "shared": "corner"},
+        },
+        {"kind": "pedestrian_crossing", "arm": {"choice": ["east", "west"], "shared": "corner"}, "at": 10},
+    ],
+}
+
+
+def test_a_shared_number_says_which_value_of_several_choices_it_is():
+    read = scenario(**CORNERS)
+    drawn = []
+    for seed in range(60):
+        plan = read.plan(seed)
+        van, walker = plan.events
+        drawn.append((plan.ego.origin, van.lane, float(van.at), walker.arm))
+    together = {("south", "east_out_0", 25.0, "east"), ("north", "west_out_0", 12.0, "west")}
+    assert set(drawn) == together
+    assert 5 < sum(origin == "north" for origin, *_ in drawn) < 25, "one in four"
+    fixed = read.varied({"shared.corner": 1})
+    assert {fixed.plan(seed).events[1].arm for seed in range(8)} == {"west"}
+    at = read.events[0].at
+    assert at.support == (12.0, 25.0)
+    assert at.mean == pytest.approx(0.75 * 25 + 0.25 * 12)
+    assert never_happening(scenario(**CORNERS)) == [
+        "nothing names the shared number 'wait': {shared: wait} would"
+    ]
+    assert read.data()["events"][0]["lane"] == {
+        "choice": {"values": ["east_out_0", "west_out_0"]},
+        "shared": "corner",
+    }
+    assert scenario(**read.data()).digest == read.digest
+    assert valid({"name": "a", **CORNERS}, SCHEMA)
+
+
+def test_words_that_name_the_same_number_are_combined_only_as_it_says():
+    """By south and east-straight, which no episode has, would be refused if nobody could drive so."""
+    read = scenario(**CORNERS)
+    assert [(route.origin, route.turn) for route in read.ego.route.each()] == [
+        ("south", "left"),
+        ("north", "left"),
+    ]
+    one, other = (read.events[0].lane, read.events[1].arm)
+    assert possible_together(one, other) == [("east_out_0", "east"), ("west_out_0", "west")]
+    free = {"choice": ["left", "right"]}
+    both = scenario(events=[{**CORNERS["events"][1], "from_side": free}], shared=CORNERS["shared"]).events[0]
+    assert len(possible_together(both.arm, both.from_side)) == 4
+
+
+def test_what_cannot_say_which_value_is_refused(problems):
+    found = problems("""
+        name: wrong
+        shared: {two: {choice: [0, 2]}, any: {uniform: [0, 1]}, half: 0.5}
+        events:
+          - {kind: pedestrian_crossing, arm: {choice: [north, south], shared: two}, at: 10}
+          - {kind: pedestrian_crossing, arm: north, at: {choice: [4, 8], shared: any}}
+          - {kind: pedestrian_crossing, arm: {choice: [north, south], shared: haf}, at: 10}
+          - {kind: pedestrian_crossing, arm: north, from_side: {choice: [left, right], shared: half}}
+          - {kind: pedestrian_crossing, arm: north, at: {choice: {values: [4], weights: [1]}, shared: half}}
+        """)
+    which = "says which of 2 values this is, 0 the first, so it must be a whole number from 0 to 1"
+    check(
+        found,
+        f"4:71: events.0.arm.shared: 'two' {which}, or a {{choice: [...]}} of such; it may be 0, 2",
+        f"5:74: events.1.at.shared: 'any' {which}, or a {{choice: [...]}} of such",
+        "6:71: events.2.arm.shared: no shared number is called 'haf' (did you mean 'half'?); there are: two, "
+        "any, half",
+        f"7:88: events.3.from_side.shared: 'half' {which}, or a {{choice: [...]}} of such; it may be 0.5",
+        "8:81: events.4.at.choice.weights: has no effect beside `shared`, whose number says which value it "
+        "is",
+    )
+
+
+def test_what_does_not_fit_the_network_is_said_at_its_place_beside_a_shared_number(tmp_path):
+    file = tmp_path / "typo.yaml"
+    file.write_text(
+        "name: typo\nshared: {far: {uniform: [10, 20]}}\nevents:\n"
+        "  - {kind: stalled_vehicle, lane: norht_in_0, at: {shared: far}}\n"
+    )
+    with pytest.raises(ScenarioError, match=r"4:35: events\.0\.lane: no lane 'norht_in_0'"):
+        load_scenario(str(file), None, misfits)
 
 
 def test_what_is_wrong_is_said_at_its_place(problems):
