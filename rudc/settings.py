@@ -46,7 +46,7 @@ def within(low: float, high: float, why: str) -> AfterValidator:
 class Settings(BaseModel):
     """Base of the models that settings are read into."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     def keys(self) -> Iterable[str]:
         """Names of all settings."""

@@ -98,7 +98,8 @@ def run_commands(script: str, folder: Path) -> None:
 
 
 SEVERAL = """
-import json, sys
+import gc, json, sys
+gc.set_threshold(100_000)  # imports make no garbage
 from rudc.cli.main import main
 
 for sys.argv in json.loads(sys.stdin.read()):
@@ -120,7 +121,8 @@ def run_apart(*commands: Sequence[object], folder: Path, before: str = "", **mor
 
 
 ONE_BY_ONE = """
-import contextlib, io, json, sys
+import contextlib, gc, io, json, sys
+gc.set_threshold(100_000)
 from rudc.cli.main import main
 
 answers = []

@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rudc.learning.optimizer import Adam
 from rudc.learning.saving import State, array
 
 
@@ -78,13 +79,13 @@ class Descent:
         self._steps = int(state["steps"][0])
 
 
-def adam(weights: Iterable[Tensor], rate: float) -> torch.optim.Adam:
+def adam(weights: Iterable[Tensor], rate: float) -> Adam:
     """A new optimiser. On a GPU its rate lies there, so that a recorded step reads it anew (recorded.py)."""
     weights = list(weights)
     device = weights[0].device
     if device.type != "cuda":
-        return torch.optim.Adam(weights, lr=rate, fused=True)
-    return torch.optim.Adam(weights, lr=torch.tensor(rate, device=device), fused=True, capturable=True)
+        return Adam(weights, lr=rate, fused=True)
+    return Adam(weights, lr=torch.tensor(rate, device=device), fused=True, capturable=True)
 
 
 def moments(optimizer: torch.optim.Optimizer) -> State:

@@ -70,7 +70,7 @@ class Found(NamedTuple):
 class BarrierSettings(BaseModel):
     """Base of a barrier's settings; it has none itself."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     def without_effect(self) -> dict[str, str]:
         """Name of each setting that has no effect because of the others -> which (`with ...`)."""

@@ -24,7 +24,7 @@ Share = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
 class Rule(BaseModel):
     """Base of all rules."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     @abstractmethod
     def weights(self, dt: float, *, road: bool) -> RowWeights:

@@ -19,7 +19,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import rankdata
 
 from rudc.arrays import Array, Flags, Index
 
@@ -44,6 +43,8 @@ def auroc(scores: Array, positive: Flags) -> float:
     negatives = len(scores) - positives
     if not positives or not negatives:
         return math.nan
+    from scipy.stats import rankdata  # loads slowly
+
     ranks = float(rankdata(scores)[positive].sum())
     return (ranks - positives * (positives + 1) / 2) / (positives * negatives)
 
@@ -90,6 +91,8 @@ def _bins(scores: Array) -> Index:
     different, bins = np.unique(scores, return_inverse=True)
     if len(different) <= BINS:
         return bins
+    from scipy.stats import rankdata
+
     first = rankdata(scores, method="min").astype(np.int64) - 1
     return first * BINS // len(scores)
 

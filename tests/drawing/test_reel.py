@@ -58,6 +58,7 @@ def alone():
     gc.freeze()
     yield
     gc.unfreeze()
+    gc.freeze()  # as tests find it (conftest.py)
 
 
 def pictures():

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy
 import torch
 
 from rudc.arrays import Array
@@ -185,6 +184,8 @@ def test_rows_against_autograd(kind: str, derivatives: dict[str, Array]) -> None
 @pytest.fixture(scope="module")
 def symbolic() -> dict[str, Array]:
     """All terms of h' and h'', derived by sympy and evaluated at the random states."""
+    import sympy  # loads slowly, and is of use here only
+
     px, py, psi, v, ox, oy = state = sympy.symbols(X, real=True)
     parameters = sympy.symbols(PARAMETERS, real=True)
     vx, vy, psi_o, c, _, margin, ae, be, ao, bo = parameters
