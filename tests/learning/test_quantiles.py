@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.learning.distortion import midpoints
-from rudc.learning.optimizer import Adam
 from rudc.learning.quantiles import quantile_huber
 
 
@@ -61,7 +60,7 @@ def test_minimised_by_the_quantiles() -> None:
     """Gradient descent on samples of a skewed distribution arrives at its quantiles."""
     sample = torch.tensor(np.random.default_rng(2).exponential(10.0, size=(1, 4000)), dtype=torch.float64)
     z = torch.full((1, 1, 16), 15.0, dtype=torch.float64, requires_grad=True)
-    adam = Adam([z], lr=0.5)
+    adam = torch.optim.Adam([z], lr=0.5)
     for step in range(600):
         adam.param_groups[0]["lr"] = 0.5 * (1 - step / 600)
         adam.zero_grad()

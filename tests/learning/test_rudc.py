@@ -11,7 +11,6 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from rudc.errors import AgentError
 from rudc.learning import descent, temperature
 from rudc.learning.config import ObservationLayout
-from rudc.learning.optimizer import Adam
 from rudc.learning.rudc import RudcLearner
 from tests.benchmarks.loop_learner import LoopLearner
 from tests.learning.helpers import SMALL, SMALL_MLP, random_batch, small_case
@@ -92,7 +91,7 @@ def test_an_update_computes_on_the_learners_device_alone(
     """On a GPU, too: torch's fake tensors refuse whatever mixes two devices, and need none of them."""
     case = small_case(**changes)
     for module in (descent, temperature):  # not fused
-        monkeypatch.setattr(module, "adam", lambda weights, rate: Adam(list(weights), lr=rate))
+        monkeypatch.setattr(module, "adam", lambda weights, rate: torch.optim.Adam(list(weights), lr=rate))
     with FakeTensorMode(allow_non_fake_inputs=True), Readable():
         learner = RudcLearner(*case, "meta")
         for seed in range(2):
