@@ -14,7 +14,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rudc.learning.optimizer import Adam
 from rudc.learning.saving import State, array
 
 
@@ -79,13 +78,13 @@ class Descent:
         self._steps = int(state["steps"][0])
 
 
-def adam(weights: Iterable[Tensor], rate: float) -> Adam:
+def adam(weights: Iterable[Tensor], rate: float) -> torch.optim.Adam:
     """A new optimiser. On a GPU its rate lies there, so that a recorded step reads it anew (recorded.py)."""
     weights = list(weights)
     device = weights[0].device
     if device.type != "cuda":
-        return Adam(weights, lr=rate, fused=True)
-    return Adam(weights, lr=torch.tensor(rate, device=device), fused=True, capturable=True)
+        return torch.optim.Adam(weights, lr=rate, fused=True)
+    return torch.optim.Adam(weights, lr=torch.tensor(rate, device=device), fused=True, capturable=True)
 
 
 def moments(optimizer: torch.optim.Optimizer) -> State:

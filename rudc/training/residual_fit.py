@@ -26,7 +26,6 @@ from torch import Tensor
 
 from rudc.arrays import Arrays, Flags, Floats
 from rudc.errors import InputError
-from rudc.learning.optimizer import Adam
 from rudc.learning.threads import torch_threads
 from rudc.safety.residual import ResidualPredictor, heads
 from rudc.training.residual_data import Dataset, Samples
@@ -173,7 +172,7 @@ def _fit(
     x = torch.from_numpy((samples.xi - mean) / spread)
     y, weight = torch.from_numpy(samples.w / unit), torch.from_numpy(scale / unit)
     weights = _initial(x.shape[1], rng)
-    adam = Adam(weights.values(), lr=RATE)
+    adam = torch.optim.Adam(weights.values(), lr=RATE)
     for epoch in range(epochs):
         order, total = torch.from_numpy(rng.permutation(len(y))), 0.0
         for rows in order.split(BATCH):
