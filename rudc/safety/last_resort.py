@@ -82,20 +82,18 @@ from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
-"""s, how far ahead manoeuvres are predicted, at every step: from 15 m/s full braking takes as long. Where
-it takes longer, on a poor road or with brakes that lag, until the ego stands"""
+"""s, how far ahead manoeuvres are predicted: as long as full braking from 15 m/s, or until the ego stands"""
 CREEPING = 1e-3
 """m of negative room that are tolerated"""
 STILL_MARGIN = 0.15
-"""m, largest margin towards those who stand still: with more, the ego could not pass where there is just
-enough space"""
+"""m, largest margin towards those who stand still: more would close gaps that are just wide enough"""
 ALIKE = 0.1
 """m of room: of manoeuvres that hit somebody, those that differ by less count as equally bad"""
 AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
 BENDS, DRY_BENDS = 0.8, 0.6 * DRY * GRAVITY
-"""share, of the acceleration that brakes may use, that bends may use where the road is poor; m/s2 that they
-may use elsewhere, about what is left of a dry road's where it may become poor (rudc/agents/adaptation.py)"""
+"""share of what brakes may use, that bends may use on a poor road; m/s2 that they may use on a dry one, about
+what a driver lets them who expects it to become poor (rudc/agents/adaptation.py)"""
 HARDEST = -9.0
 """m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
 GENTLY = 0.4
@@ -114,7 +112,6 @@ TIGHT = 0.5
 """share of the margin that is enough where the ego would be hit if it stopped"""
 CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
-
 
 Poses = tuple[Complex, Complex]
 """(T,) m and (T,): positions and directions of the ego at the instants of the predictions"""
@@ -352,9 +349,7 @@ class LastResort:
         return firm, self._tyres.beside(self._tyres.bend(firm), v)
 
     def _held(self, scene: Scene, u: Array) -> Poses:
-        """(T,) m and (T,): position and direction of the ego under `u` for a step and then braking, with its
-        steering held.
-        """
+        """(T,) m and (T,): the ego's position and direction, under `u` for a step, then braking on an arc."""
         ego, body = scene.ego, scene.vehicle
         first, v, then = self._first(scene, float(u[0]))
         firm, brakes = self._firmly(float(u[1]), v)
@@ -363,12 +358,11 @@ class LastResort:
         return on_arc(complex(ego.x, ego.y), ego.psi, way, *slips, body.cg_to_rear)
 
     def _stop_along(self, scene: Scene, u: Array) -> Poses:
-        """(T,) m and (T,): position and direction of the ego under `u` for a step and then braking along the
-        route.
-        """
+        """(T,) m and (T,): as `_held`, but braking along the route."""
         first, v, then = self._first(scene, float(u[0]))
         k = int(scene.ego_s / SPACING)
-        ahead = scene.route.path.curvature[k : k + 2 + int((first + v * v / self._tyres.least) / SPACING)]
+        stop = first + 0.5 * v * v / self._tyres.least
+        ahead = scene.route.path.curvature[k : k + 2 + int(stop / SPACING)]
         brakes = self._tyres.beside(float(np.abs(ahead).max(initial=0.0)), v)
         way = way_of_stopping(self._times, self._dt, first, v, brakes, then, scene.lag_s)
         return self._along(scene, u, way, STEERS * self._tyres.grip)
