@@ -5,12 +5,12 @@ positive slack delta h can stay at -delta / lambda. Therefore the action u that 
 manoeuvres that begin with it:
 
     stop   u for one step, then full braking until the ego stands: with the steering held, and along the
-           route
+           route, as hard as the tyres steer and brake at once (tyres.py)
     go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can,
            no faster than its bends allow
 
 Where the brakes are known to lag (`Scene.lag_s`), the first step and all stops begin with the acceleration
-that the ego has now, which follows the commands with that lag. Going on does so in its first step only.
+that the ego has now, and follow the commands with that lag; going on does so in its first step only.
 
 The room of a manoeuvre is the least value, over all instants within the horizon (and between them: somebody
 who crosses fast would pass unseen from one to the next) and all others, of
@@ -25,8 +25,8 @@ speeding up for another SPEEDS_UP_S. Whoever leads the ego on its path is also p
 So, if the room of a manoeuvre is not negative, the ego comes no closer to anybody than the margin or, where
 it is closer already, than it is now.
 
-    u is taken         if the room of a manoeuvre is not negative; towards those who stand still, the room of
-                       stopping counts in every manoeuvre
+    u is taken         if the room of a manoeuvre is not negative; towards those who stand still, that of a
+                       stop
     going on           else, if somebody would hit the ego even at full braking (the room of that is below
                        -margin by every prediction of that other), can no longer prevent it by braking
                        GENTLY, and accelerating fully along the route leaves room towards everybody
@@ -53,15 +53,14 @@ drive behind the ego on its path are left out.
 
 from __future__ import annotations
 
-import cmath
 import math
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
 from rudc.env.tracking import PREVIEW_S, steering, way_back_of
+from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.last_resort_kernels import (
     in_reach,
@@ -75,27 +74,26 @@ from rudc.safety.last_resort_kernels import (
 )
 from rudc.safety.others import Others
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, following, lines
+from rudc.safety.tyres import STEERS, Tyres, tyres_of
 from rudc.vehicle import EgoVehicle
-from rudc.world.borders import Borders
+from rudc.world.borders import leaves_road
 from rudc.world.ego import DRY, GRAVITY
 from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
-"""s, how far ahead manoeuvres are predicted, at every step: from 15 m/s full braking takes as long. Where
-it takes longer, on a poor road or with brakes that lag, until the ego stands"""
+"""s, how far ahead manoeuvres are predicted: as long as full braking from 15 m/s, or until the ego stands"""
 CREEPING = 1e-3
 """m of negative room that are tolerated"""
 STILL_MARGIN = 0.15
-"""m, largest margin towards those who stand still: with more, the ego could not pass where there is just
-enough space"""
+"""m, largest margin towards those who stand still: more would close gaps that are just wide enough"""
 ALIKE = 0.1
 """m of room: of manoeuvres that hit somebody, those that differ by less count as equally bad"""
 AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
 BENDS, DRY_BENDS = 0.8, 0.6 * DRY * GRAVITY
-"""share, of the acceleration that brakes may use, that bends may use where the road is poor; m/s2 that they
-may use elsewhere, about what is left of a dry road's where it may become poor (rudc/agents/adaptation.py)"""
+"""share of what brakes may use, that bends may use on a poor road; m/s2 that they may use on a dry one, about
+what a driver lets them who expects it to become poor (rudc/agents/adaptation.py)"""
 HARDEST = -9.0
 """m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
 GENTLY = 0.4
@@ -114,7 +112,6 @@ TIGHT = 0.5
 """share of the margin that is enough where the ego would be hit if it stopped"""
 CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
-
 
 Poses = tuple[Complex, Complex]
 """(T,) m and (T,): positions and directions of the ego at the instants of the predictions"""
@@ -136,6 +133,7 @@ class LastResort:
 
     def __init__(self, config: FilterConfig) -> None:
         self._dt, self._margin = config.dt, config.last_resort_margin
+        self._tyres: Tyres
         self._usual = self._times = self._until(HORIZON)
         """(T,) s, instants of the predictions: on a dry road, and in the present scene"""
 
@@ -144,17 +142,19 @@ class LastResort:
         else is better. None if `u` is taken.
         """
         body = scene.vehicle
+        self._tyres = tyres_of(scene)
         late = scene.lag_s * (max(scene.ego.acceleration, body.a_max) - body.a_min)
         fastest = scene.ego.v + body.a_max * self._dt + late  # m/s, from which prompt brakes take as long
-        stopping = self._dt - fastest / body.a_min
+        stopping = self._dt + fastest / self._tyres.least
         self._times = self._usual if stopping <= HORIZON else self._until(stopping)
-        first, v, a = self._first(scene, float(u[0]))
-        if self._room_to_stop(scene, first, v, a, u) >= -CREEPING:
+        made = self._tyres.made_of(u, scene.ego.v)
+        first, v, a = self._first(scene, float(made[0]))
+        if self._room_to_stop(scene, first, v, a, made) >= -CREEPING:
             return None
         way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
-        stops = self._stops(scene, others, u)
-        going = self._room(scene, others, *self._along(scene, u, way))
+        stops = self._stops(scene, others, made)
+        going = self._room(scene, others, *self._along(scene, made, way, self._tyres.grip))
         room = np.concatenate([stops, np.where(others.still, stops, going)])
         kept = ~np.isin(others.who, self._behind(scene, np.unique(others.who)))
         best = room[:, kept].min(axis=1, initial=np.inf).max()
@@ -183,7 +183,7 @@ class LastResort:
         held must also miss one that goes on if it came SPARE_S earlier, at its present speed. Empty if one
         that goes on would meet any of them, or anybody else within HORIZON, or if `going` would not be taken.
         """
-        self._times = self._until(COMING_S)
+        self._times, self._tyres = self._until(COMING_S), tyres_of(scene)
         first, v, _ = self._first(scene, float(going[0]))
         way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
@@ -192,7 +192,7 @@ class LastResort:
         who = np.unique(others.who[kept & ~others.still & (stops < -CREEPING)])
         if not len(who):
             return who
-        early = np.setdiff1d(who, self._late(scene, others, who, self._stop(scene, braking)))
+        early = np.setdiff1d(who, self._late(scene, others, who, self._held(scene, braking)))
         hits = np.isin(others.who, others.who[~others.still & (stops < -self._margin)])
         spared = others.during(slice(round(SPARE_S / self._dt), None))
         avoided = (
@@ -200,8 +200,10 @@ class LastResort:
             (spared, np.isin(others.who, early) & others.steady),
             (others.during(slice(len(self._usual))), kept),
         )
-        ways = way, *(self._ended(scene, way, end_s) for end_s in reversed(GOES_ON_S))
-        clear = any(self._is_clear(scene, avoided, hits, self._along(scene, going, w)) for w in ways)
+        ways = way, *(self._ended(way, end_s) for end_s in reversed(GOES_ON_S))
+        clear = any(
+            self._is_clear(scene, avoided, hits, self._along(scene, going, w, self._tyres.grip)) for w in ways
+        )
         return who if clear and self.instead_of(scene, going) is None else who[:0]
 
     def _is_clear(
@@ -219,9 +221,9 @@ class LastResort:
                         return False
         return True
 
-    def _ended(self, scene: Scene, way: Array, end_s: float) -> Array:
+    def _ended(self, way: Array, end_s: float) -> Array:
         """(T,) m driven as `way` (T,) until `end_s`, and then braking fully."""
-        k, brakes = max(round(end_s / self._dt), 1), -scene.vehicle.a_min
+        k, brakes = max(round(end_s / self._dt), 1), self._tyres.least
         v = (way[k] - way[k - 1]) / self._dt
         since = np.clip(self._times - self._times[k], 0.0, v / brakes)
         return np.where(self._times <= self._times[k], way, way[k] + v * since - 0.5 * brakes * since**2)
@@ -268,7 +270,7 @@ class LastResort:
         first, v, _ = self._first(scene, float(onwards[0]))
         way = self._go(scene, first, v, float(onwards[0]))
         others = self._others(scene, float(way[-1]))
-        room = self._room(scene, others, *self._along(scene, onwards, way))
+        room = self._room(scene, others, *self._along(scene, onwards, way, self._tyres.grip))
         if others.still.any():
             stops = self._stops(scene, others, onwards).max(axis=0)
             room = np.where(others.still, np.minimum(room, stops), room)
@@ -277,38 +279,26 @@ class LastResort:
 
     def _stops(self, scene: Scene, others: Others, u: Array) -> Array:
         """(2, m) m, room of stopping after `u` with the steering held, and along the route."""
-        way = self._stopping(scene, float(u[0]))
-        held, along = self._held(scene, u, way), self._along(scene, u, way)
-        return np.stack([self._room(scene, others, *held), self._room(scene, others, *along)])
+        stops = self._held(scene, u), self._stop_along(scene, u)
+        return np.stack([self._room(scene, others, *stop) for stop in stops])
 
     def _brake(self, scene: Scene, others: Others, kept: Flags, delta: float) -> tuple[Array, Array, Poses]:
         """(2,) m/s2 and rad, full braking, (m,) m its room, and where the ego is then. It steers at `delta`
         rad, as the wheels are now or along the route: whichever has most room. If all hit somebody, one that
         stays on the road comes first.
         """
-        hardest = scene.vehicle.a_min
-        way = self._stopping(scene, hardest)
         angles = delta, scene.ego.steering, steering(scene)
-        actions = [np.array([hardest, angle]) for angle in angles]
-        stops = [*(self._held(scene, u, way) for u in actions[:2]), self._along(scene, actions[2], way)]
+        firm = [self._tyres.firm(angle, scene.ego.v) for angle in angles]
+        actions = [np.array([scene.vehicle.a_min, angle]) for angle in firm]
+        stops = [*(self._held(scene, u) for u in actions[:2]), self._stop_along(scene, actions[2])]
         rooms = [self._room(scene, others, *stop) for stop in stops]
         least = [float(room[kept].min()) for room in rooms]
         stays = [True] * len(stops)
         if max(least) < -CREEPING:
-            stays = [*(not self._leaves_road(scene, u) for u in actions[:2]), True]
+            soon = slice(int((self._times <= SOON_S).sum()))
+            stays = [*(not leaves_road(scene, at[soon], facing[soon]) for at, facing in stops[:2]), True]
         k = max(range(len(stops)), key=lambda k: (stays[k], least[k]))
         return actions[k], rooms[k], stops[k]
-
-    def _leaves_road(self, scene: Scene, u: Array) -> bool:
-        """Whether an ego that stops with the steering of `u` (2,), m/s2 and rad, is off the road within
-        SOON_S, too soon for a later decision to steer back."""
-        place, facing = self._stop(scene, u)
-        borders = Borders(scene.network.surface, scene.vehicle, may_cross_centre=True)
-        soon = self._times <= SOON_S
-        return any(
-            borders.left(replace(scene.ego, x=at.real, y=at.imag, psi=cmath.phase(ahead)))[0]
-            for at, ahead in zip(place[soon].tolist(), facing[soon].tolist(), strict=True)
-        )
 
     def _behind(self, scene: Scene, who: Index) -> Index:
         """Those of `who` that drive behind the ego."""
@@ -333,11 +323,13 @@ class LastResort:
         acceleration of a m/s2 after it; inf if nobody comes near.
         """
         body = scene.vehicle
-        fastest = v + scene.lag_s * max(a - body.a_min, 0.0)  # m/s, from which prompt brakes take as far
+        firm, brakes = self._firmly(float(u[1]), v)
+        fastest = v + scene.lag_s * max(a + brakes, 0.0)  # m/s, from which prompt brakes take as far
         return room_to_stop(
-            *self._around(scene, first + fastest * fastest / (-2.0 * body.a_min)),
-            scene.ego.psi, self._dt, first, v, -body.a_min, a, scene.lag_s, _slip(body, float(u[1])),
-            body.cg_to_rear, 0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
+            *self._around(scene, first + fastest * fastest / (2.0 * brakes)),
+            scene.ego.psi, self._dt, first, v, brakes, a, scene.lag_s, _slip(body, float(u[1])),
+            _slip(body, firm), body.cg_to_rear, 0.5 * body.length, 0.5 * body.width,
+            self._margin, STILL_MARGIN,
         )  # fmt: skip
 
     def _room(
@@ -351,32 +343,40 @@ class LastResort:
             0.5 * body.length, 0.5 * body.width, margin, STILL_MARGIN,
         )  # fmt: skip
 
-    def _stop(self, scene: Scene, u: Array) -> Poses:
-        """(T,) m and (T,): position and direction of the ego on an arc, under `u` for a step and then
-        braking.
-        """
-        return self._held(scene, u, self._stopping(scene, float(u[0])))
+    def _firmly(self, delta: float, v: float) -> tuple[float, float]:
+        """rad and m/s2, steering and braking of who stops from v m/s with the wheels at `delta` rad."""
+        firm = self._tyres.firm(delta, v)
+        return firm, self._tyres.beside(self._tyres.bend(firm), v)
 
-    def _stopping(self, scene: Scene, a: float) -> Array:
-        """(T,) m driven under the command `a` m/s2 for a step and then braking."""
-        first, v, then = self._first(scene, a)
-        return way_of_stopping(self._times, self._dt, first, v, -scene.vehicle.a_min, then, scene.lag_s)
-
-    def _held(self, scene: Scene, u: Array, way: Array) -> Poses:
-        """(T,) m and (T,): position and direction of the ego after `way` (T,) m on the arc of the steering of
-        `u`.
-        """
+    def _held(self, scene: Scene, u: Array) -> Poses:
+        """(T,) m and (T,): the ego's position and direction, under `u` for a step, then braking on an arc."""
         ego, body = scene.ego, scene.vehicle
-        return on_arc(complex(ego.x, ego.y), ego.psi, way, _slip(body, float(u[1])), body.cg_to_rear)
+        first, v, then = self._first(scene, float(u[0]))
+        firm, brakes = self._firmly(float(u[1]), v)
+        way = way_of_stopping(self._times, self._dt, first, v, brakes, then, scene.lag_s)
+        slips = _slip(body, float(u[1])), _slip(body, firm)
+        return on_arc(complex(ego.x, ego.y), ego.psi, way, *slips, body.cg_to_rear)
 
-    def _along(self, scene: Scene, u: Array, way: Array) -> Poses:
+    def _stop_along(self, scene: Scene, u: Array) -> Poses:
+        """(T,) m and (T,): as `_held`, but braking along the route."""
+        first, v, then = self._first(scene, float(u[0]))
+        k = int(scene.ego_s / SPACING)
+        stop = first + 0.5 * v * v / self._tyres.least
+        ahead = scene.route.path.curvature[k : k + 2 + int(stop / SPACING)]
+        brakes = self._tyres.beside(float(np.abs(ahead).max(initial=0.0)), v)
+        way = way_of_stopping(self._times, self._dt, first, v, brakes, then, scene.lag_s)
+        return self._along(scene, u, way, STEERS * self._tyres.grip)
+
+    def _along(self, scene: Scene, u: Array, way: Array, lateral: float) -> Poses:
         """(T,) m and (T,): position and direction of the ego after `way` (T,) m, with the steering of `u` for
-        a step and then steering along the route.
+        a step and then steering along the route, at up to `lateral` m/s2.
         """
-        body, path = scene.vehicle, scene.route.path
+        ego, body, path = scene.ego, scene.vehicle, scene.route.path
+        slip = _slip(body, float(u[1]))
+        first = on_arc(complex(ego.x, ego.y), ego.psi, way, slip, slip, body.cg_to_rear)
         return steering_along(
-            path.poses, path.curvature, scene.ego_s, *self._held(scene, u, way), way, self._dt,
-            PREVIEW_S, *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
+            path.poses, path.curvature, scene.ego_s, *first, way, self._dt,
+            PREVIEW_S, *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max, lateral,
         )  # fmt: skip
 
     def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:

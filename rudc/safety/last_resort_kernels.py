@@ -169,16 +169,22 @@ def room_left(
 
 @kernel
 def on_arc(
-    here: complex, psi: float, way: Vector, slip: float, cg_to_rear: float
+    here: complex, psi: float, way: Vector, first: float, slip: float, cg_to_rear: float
 ) -> tuple[NewPlaces, NewPlaces]:
     """(T,) m and (T,): position and direction of an ego, now at `here` m and heading psi rad, after `way`
-    (T,) m with its slip angle (rad) held.
+    (T,) m with a slip angle of `first` rad in the first step, up to way[1], and of `slip` rad after it.
     """
     place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
+    begun = 0.0
     for t in range(len(way)):
-        turn = 0.5 * way[t] * (math.sin(slip) / cg_to_rear)
-        chord = way[t] * (math.sin(turn) / turn if turn != 0.0 else 1.0)
-        place[t] = here + chord * cmath.exp(1j * (psi + slip + turn))
+        if t == 2 and slip != first:
+            here, begun = place[1], way[1]
+            psi += way[1] * (math.sin(first) / cg_to_rear)
+            first = slip
+        moved = way[t] - begun
+        turn = 0.5 * moved * (math.sin(first) / cg_to_rear)
+        chord = moved * (math.sin(turn) / turn if turn != 0.0 else 1.0)
+        place[t] = here + chord * cmath.exp(1j * (psi + first + turn))
         facing[t] = cmath.exp(1j * (psi + 2.0 * turn))
     return place, facing
 
@@ -263,11 +269,11 @@ def lagging_step(v: float, a: float, command: float, lag: float, step: float) ->
 def steering_along(
     line: Table, curvature: Vector, s: float, place: Places, facing: Places, way: Vector,
     step: float, preview: float, seconds: float, longest: float,
-    wheelbase: float, cg_to_rear: float, delta_max: float,
+    wheelbase: float, cg_to_rear: float, delta_max: float, lateral: float,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """(T,) m and (T,): position and direction, after `way` (T,) m, of an ego that drives the first step of
     `step` s as given by `place` (T,) m and `facing` (T,), and then steers along a line, on which it is at s m
-    in the beginning.
+    in the beginning, with a lateral acceleration of at most `lateral` m/s2.
     """
     places, directions = place.copy(), facing.copy()
     here, heading = place[1], cmath.phase(facing[1])
@@ -279,7 +285,9 @@ def steering_along(
                 line, curvature, s, offset, heading, moved / step, preview, seconds, longest,
                 wheelbase, cg_to_rear, delta_max,
             )  # fmt: skip
-            slip = slip_of(delta, wheelbase, cg_to_rear)
+            slip, tightest = slip_of(delta, wheelbase, cg_to_rear), lateral * cg_to_rear * (step / moved) ** 2
+            if abs(math.sin(slip)) > tightest:
+                slip = math.copysign(math.asin(tightest), slip)
             turn = moved * math.sin(slip) / cg_to_rear
             here += moved * cmath.exp(1j * (heading + slip + 0.5 * turn))
             heading += turn
@@ -293,9 +301,10 @@ def room_to_stop(
     acceleration: Vector, poses: Table, stations: int, ego: complex, reach: float, times: Vector,
     changing: float, speeds_up: float, line: Table, ego_s: float, lane: float, along: float, hardest: float,
     slowest: float, psi: float, step: float, first: float, v: float, braking: float, a: float, lag: float,
-    slip: float, cg_to_rear: float, length: float, width: float, margin: float, still_margin: float,
+    first_slip: float, slip: float, cg_to_rear: float, length: float, width: float, margin: float,
+    still_margin: float,
 ) -> float:  # fmt: skip
-    """m, the least `room_left` for an ego that stops (`way_of_stopping`) on an arc (`on_arc`), towards those
+    """m, the least `room_left` for an ego that stops (`way_of_stopping`) on arcs (`on_arc`), towards those
     `in_reach`; inf if nobody comes near.
     """
     who, there, turned, half, still = in_reach(
@@ -303,7 +312,7 @@ def room_to_stop(
         times, changing, speeds_up, line, ego_s, lane, along, hardest, slowest,
     )  # fmt: skip
     way = way_of_stopping(times, step, first, v, braking, a, lag)
-    place, facing = on_arc(ego, psi, way, slip, cg_to_rear)
+    place, facing = on_arc(ego, psi, way, first_slip, slip, cg_to_rear)
     room = room_left(there, turned, half, still, place, facing, length, width, margin, still_margin)
     least = math.inf
     for k in range(len(who)):

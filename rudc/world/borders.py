@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
 import math
+from dataclasses import replace
 
+from rudc.arrays import Complex
 from rudc.network.surface import Surface
 from rudc.vehicle import EgoVehicle
-from rudc.world.scene import EgoState
+from rudc.world.scene import EgoState, Scene
 
 OFF_ROAD_M = 0.3
 """m by which a corner of the ego's rectangle may reach over the road's edge"""
@@ -52,3 +55,12 @@ class Borders:
         )
         self._on_road = state.x, state.y, state.psi, depth + self._over_m
         return depth < -self._over_m
+
+
+def leaves_road(scene: Scene, place: Complex, facing: Complex) -> bool:
+    """Whether the scene's ego is off the road at one of the places (T,) m, facing as `facing` (T,)."""
+    borders = Borders(scene.network.surface, scene.vehicle, may_cross_centre=True)
+    return any(
+        borders.left(replace(scene.ego, x=at.real, y=at.imag, psi=cmath.phase(ahead)))[0]
+        for at, ahead in zip(place.tolist(), facing.tolist(), strict=True)
+    )

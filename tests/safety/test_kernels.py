@@ -128,7 +128,7 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     way = np.where(times > 0, 0.5 + np.where(after < 5 / 6, 5 * after - 3 * after**2, 25 / 12), 0.0)
     stopping = last_resort_kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0, 0.0, 0.0)
     assert stopping == pytest.approx(way, abs=1e-12)
-    ego, towards = last_resort_kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 1.4)
+    ego, towards = last_resort_kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 0.1, 1.4)
     margin = np.where(still, 0.1, 0.3)
     away, shares = place - ego, np.linspace(0.0, 1.0, 101)
     r = away[:, :-1, None] + shares * np.diff(away, axis=1)[:, :, None]
@@ -145,7 +145,7 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     at_instants = separation(away, towards, facing, body, half[:, None]).min(axis=1) - allowed
     assert (got[near] <= at_instants[near] + 1e-9).all()
     least = last_resort_kernels.room_to_stop(
-        *reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.0, 0.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1
+        *reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.0, 0.0, 0.1, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1
     )
     assert least == got.min()
     assert (got < 0).any()
@@ -174,7 +174,7 @@ def test_who_crosses_fast_is_hit_between_two_instants():
 
 def test_an_arc_is_what_small_steps_make_of_it():
     slip, back, way = 0.12, 1.4, np.linspace(0, 12, 13)
-    place, facing = last_resort_kernels.on_arc(1 + 2j, 0.7, way, slip, back)
+    place, facing = last_resort_kernels.on_arc(1 + 2j, 0.7, way, slip, slip, back)
     psi, here, step = 0.7, 1 + 2j, 12 / 120_000
     for _ in range(120_000):
         here += step * np.exp(1j * (psi + slip))
@@ -211,7 +211,7 @@ def test_a_stop_along_a_path_is_the_plants_that_follows_it(delta):
     way = np.append(0.0, np.cumsum(0.5 * dt * (v[1:] + v[:-1])))
     got = last_resort_kernels.steering_along(
         path.poses, path.curvature, 0.0, place, facing, way, dt, PREVIEW_S, *way_back_of(body),
-        body.wheelbase, body.cg_to_rear, body.delta_max,
+        body.wheelbase, body.cg_to_rear, body.delta_max, 100.0,
     )  # fmt: skip
     assert got[0] == pytest.approx(place, abs=0.02)
     assert np.angle(got[1] / facing) == pytest.approx(np.zeros(22), abs=0.01)

@@ -17,6 +17,7 @@ from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.kernels import LEAST
 from rudc.safety.last_resort import HORIZON, STILL_MARGIN, LastResort
+from rudc.safety.tyres import tyres_of
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Scene
@@ -181,12 +182,15 @@ def test_where_everything_hits_it_brakes(length: float, width: float, away: floa
 
 @pytest.mark.parametrize(("y", "held"), [(-5.0, False), (3.0, True)])
 def test_where_everything_hits_it_does_not_leave_the_road_for_more_room(y: float, held: bool) -> None:
-    """With the wheels as they are it would come past the other a little better, if there were road."""
+    """With the wheels as they are it would come past the other a little better, if there were road. It holds
+    them no harder than lets it brake fully (tests/safety/test_tyres.py)."""
     scene = make_scene([Other(27.0, y + 0.5, speed=1.0)], x=20.0, y=y, v=12.0)
     scene = replace(scene, ego=replace(scene.ego, steering=-0.3))
     answer = SafetyFilter(ALONE).filter(scene, np.array([0.0, 0.0]))
     assert answer.status == "last_resort"
-    assert answer.u.tolist() == [scene.vehicle.a_min, -0.3 if held else 0.0]
+    firm = tyres_of(scene).firm(-0.3, 12.0)
+    assert -0.15 < firm < -0.1
+    assert answer.u.tolist() == [scene.vehicle.a_min, firm if held else 0.0]
 
 
 def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.last_resort import COMING_S, GOES_ON_S, LastResort
+from rudc.safety.tyres import tyres_of
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
@@ -95,10 +96,10 @@ def test_half_the_margin_is_enough_where_a_stop_would_be_hit(distance: float, go
 def test_an_ego_that_goes_on_and_then_stops_never_drives_backwards(dt: float) -> None:
     """Also where a step is longer than the time for which it goes on."""
     scene, last = in_the_way(), LastResort(FilterConfig.preset("ecbf", dt=dt))
-    last._times = last._until(COMING_S)
+    last._times, last._tyres = last._until(COMING_S), tyres_of(scene)
     way = 3.0 * last._times
     for end_s in GOES_ON_S:
-        driven = last._ended(scene, way, end_s)
+        driven = last._ended(way, end_s)
         assert (np.diff(driven) >= 0.0).all()
         assert (driven <= way + 1e-9).all()
         assert driven[-1] == pytest.approx(3.0 * max(end_s, dt) + 9.0 / 12.0, abs=3.0 * dt)
