@@ -323,7 +323,7 @@ class LastResort:
         acceleration of a m/s2 after it; inf if nobody comes near.
         """
         body = scene.vehicle
-        firm, brakes = self._firmly(float(u[1]), v)
+        firm, brakes = self._tyres.stop(float(u[1]), v)
         fastest = v + scene.lag_s * max(a + brakes, 0.0)  # m/s, from which prompt brakes take as far
         return room_to_stop(
             *self._around(scene, first + fastest * fastest / (2.0 * brakes)),
@@ -343,16 +343,11 @@ class LastResort:
             0.5 * body.length, 0.5 * body.width, margin, STILL_MARGIN,
         )  # fmt: skip
 
-    def _firmly(self, delta: float, v: float) -> tuple[float, float]:
-        """rad and m/s2, steering and braking of who stops from v m/s with the wheels at `delta` rad."""
-        firm = self._tyres.firm(delta, v)
-        return firm, self._tyres.beside(self._tyres.bend(firm), v)
-
     def _held(self, scene: Scene, u: Array) -> Poses:
         """(T,) m and (T,): the ego's position and direction, under `u` for a step, then braking on an arc."""
         ego, body = scene.ego, scene.vehicle
         first, v, then = self._first(scene, float(u[0]))
-        firm, brakes = self._firmly(float(u[1]), v)
+        firm, brakes = self._tyres.stop(float(u[1]), v)
         way = way_of_stopping(self._times, self._dt, first, v, brakes, then, scene.lag_s)
         slips = _slip(body, float(u[1])), _slip(body, firm)
         return on_arc(complex(ego.x, ego.y), ego.psi, way, *slips, body.cg_to_rear)

@@ -22,6 +22,8 @@ USABLE = 0.9
 """share of the grip that braking may use"""
 STEERS = 0.73
 """share of the grip that steering may take while the ego stops"""
+BRAKES = math.sqrt(1.0 - STEERS**2)
+"""share of the grip that is left for braking then"""
 
 
 class Tyres(NamedTuple):
@@ -36,31 +38,41 @@ class Tyres(NamedTuple):
     @property
     def least(self) -> float:
         """m/s2, hardest braking beside the hardest steering of a stop."""
-        return min(self.braking, self.grip * math.sqrt(1.0 - STEERS**2))
+        return min(self.braking, self.grip * BRAKES)
 
     def made_of(self, u: Array, v: float) -> Array:
         """(2,) m/s2 and rad, what is made of the command `u` (2,) at v m/s."""
-        body = self.body
-        return np.array(
-            within_friction(
-                float(u[0]), float(u[1]), v, self.grip, body.delta_max, body.wheelbase, body.cg_to_rear
-            )
-        )
+        a, delta, body = u.item(0), u.item(1), self.body
+        if self._at_most(delta, v) ** 2 + a * a <= self.grip**2:  # true of nearly all commands
+            return u
+        kept = body.delta_max, body.wheelbase, body.cg_to_rear
+        return np.array(within_friction(a, delta, v, self.grip, *kept))
 
     def firm(self, delta: float, v: float) -> float:
         """rad, `delta` cut to what the ego steers at v m/s while it stops."""
+        if self._at_most(delta, v) <= STEERS * self.grip:
+            return delta
         body = self.body
         most = widest(v, STEERS * self.grip, body.delta_max, body.wheelbase, body.cg_to_rear)
         return min(max(delta, -most), most)
+
+    def stop(self, delta: float, v: float) -> tuple[float, float]:
+        """rad and m/s2, steering and braking of who stops from v m/s with the wheels at `delta` rad."""
+        lateral = self._at_most(delta, v)
+        if lateral <= STEERS * self.grip and lateral**2 + self.braking**2 <= self.grip**2:
+            return delta, self.braking
+        firm, body = self.firm(delta, v), self.body
+        bend = math.sin(slip_of(firm, body.wheelbase, body.cg_to_rear)) / body.cg_to_rear
+        return firm, self.beside(bend, v)
 
     def beside(self, bend: float, v: float) -> float:
         """m/s2, hardest braking from v m/s on in a bend of `bend` 1/m, with STEERS of the grip at most."""
         lateral = min(v * v * abs(bend), STEERS * self.grip)
         return min(self.braking, math.sqrt(self.grip**2 - lateral**2))
 
-    def bend(self, delta: float) -> float:
-        """1/m, curvature of the way at the wheels' angle `delta` rad."""
-        return math.sin(slip_of(delta, self.body.wheelbase, self.body.cg_to_rear)) / self.body.cg_to_rear
+    def _at_most(self, delta: float, v: float) -> float:
+        """m/s2, at most the lateral acceleration at v m/s with the wheels at `delta` rad."""
+        return v * v * math.tan(abs(delta)) / self.body.wheelbase
 
 
 def tyres_of(scene: Scene) -> Tyres:

@@ -11,6 +11,7 @@ from rudc.safety.last_resort import LastResort
 from rudc.safety.tyres import STEERS, USABLE, tyres_of
 from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import DRY, GRAVITY, EgoPlant
+from rudc.world.kernels import slip_of, within_friction
 from tests.safety.scenes import Other, make_scene
 
 DT = 0.1
@@ -73,12 +74,13 @@ def test_a_stop_is_not_taken_to_be_possible_where_steering_leaves_no_brakes():
 
 
 def test_on_a_dry_road_full_braking_is_left_beside_the_hardest_steering_of_a_stop():
-    tyres = tyres_of(make_scene())
+    tyres, body = tyres_of(make_scene()), EgoVehicle()
     assert tyres.least == tyres.braking == 6.0
     for v in (5.0, 10.0, 15.0):
-        firm = tyres.firm(0.6, v)
-        assert tyres.beside(tyres.bend(firm), v) == 6.0
-        assert firm == 0.6 or v * v * tyres.bend(firm) == pytest.approx(STEERS * DRY * GRAVITY)
+        firm, brakes = tyres.stop(0.6, v)
+        bend = math.sin(slip_of(firm, body.wheelbase, body.cg_to_rear)) / body.cg_to_rear
+        assert brakes == 6.0
+        assert firm == 0.6 or v * v * bend == pytest.approx(STEERS * DRY * GRAVITY)
 
 
 def test_on_a_poor_road_steering_takes_its_share():
@@ -96,3 +98,17 @@ def test_brakes_that_are_better_than_the_road_stop_as_the_road_lets_them():
     strong = EgoVehicle(a_min=-12.0)
     tyres = tyres_of(make_scene(vehicle=strong))
     assert tyres.braking == pytest.approx(USABLE * DRY * GRAVITY)
+
+
+def test_nothing_is_cut_that_the_tyres_give():
+    rng, tyres, body = np.random.default_rng(2), tyres_of(make_scene()), EgoVehicle()
+    cut = 0
+    for _ in range(500):
+        v, u = rng.uniform(0.0, 15.0), np.array([rng.uniform(-6.0, 3.0), rng.uniform(-0.6, 0.6)])
+        wanted = within_friction(*u, v, tyres.grip, body.delta_max, body.wheelbase, body.cg_to_rear)
+        assert tyres.made_of(u, v).tolist() == pytest.approx(wanted)
+        cut += not np.array_equal(tyres.made_of(u, v), u)
+        firm, brakes = tyres.stop(u[1], v)
+        assert within_friction(-brakes, firm, v, tyres.grip, body.delta_max, body.wheelbase,
+                               body.cg_to_rear) == pytest.approx((-brakes, firm))  # fmt: skip
+    assert 100 < cut < 400
