@@ -23,8 +23,9 @@ from rudc.network.sides import RawArm, place_along, shape_of
 
 STRAIGHT = np.radians(30.0)
 """rad, a change of heading smaller than this is no turn"""
-ALIKE = 1e-6
-"""rad, headings nearer to each other are the same"""
+ALIKE = np.radians(1.0)
+"""rad, changes of heading to both sides that differ by less are equal: files have centimetres, and whoever
+draws a fork is no more exact"""
 LOOK_OUT = 20.0
 """m of an arm next to the junction over which its direction is taken"""
 OVERHANG = 10.0
@@ -253,11 +254,11 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
 
 def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, angle: float) -> Turn:
     """The name of a turn that does not lead back. If several destinations lie nearly straight on, only the
-    straightest is `straight`; of two that lie equally far to both sides, none.
+    straightest is `straight`; of two that lie equally far to both sides (within ALIKE), none.
     """
     others = [_angle(arms, o, b) for a, b in rows if a == o and b not in (o, d)]
     straighter = any(abs(other) < abs(angle) for other in others)
-    forked = abs(angle) > ALIKE and any(abs(other + angle) < ALIKE for other in others)
+    forked = any(other * angle < 0.0 and abs(other + angle) < ALIKE for other in others)
     if abs(angle) < STRAIGHT and not straighter and not forked:
         return "straight"
     return "left" if angle > 0 else "right"
