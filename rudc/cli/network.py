@@ -126,7 +126,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     typer.echo()
     movements = [
         [m.origin, m.destination, m.turn, " ".join(map(str, m.lanes)), "yields" if m.yields else "",
-         f"{m.length_m:.0f}", _radius(m.least_radius_m), f"{m.waiting_m:.1f}" if m.yields else ""]
+         f"{m.length_m:.0f}", _radius(m.least_radius_m), "" if m.waiting_m is None else f"{m.waiting_m:.1f}"]
         for m in report.movements
     ]  # fmt: skip
     print_table(

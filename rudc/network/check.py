@@ -68,8 +68,8 @@ class MovementReport:
     """m from stop line to the junction's exit"""
     least_radius_m: float
     """m, tightest bend of the ego's path (inf where it is straight)"""
-    waiting_m: float
-    """m beyond the stop line that the front bumper may wait"""
+    waiting_m: float | None
+    """m beyond the stop line that the front bumper may wait; None where it need not yield"""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _movement_report(network: Network, movement: Movement, route: Route) -> Move
         yields=not movement.major,
         length_m=route.exit_s - route.stop_line_s,
         least_radius_m=_least_radius(route),
-        waiting_m=route.waiting_s - route.stop_line_s,
+        waiting_m=None if movement.major else route.waiting_s - route.stop_line_s,
     )
 
 

@@ -35,6 +35,7 @@ def test_a_report_says_what_was_understood():
     assert left.yields
     assert left.least_radius_m == pytest.approx(10.5, rel=0.03)
     assert left.waiting_m > 7.0
+    assert all((m.waiting_m is None) != m.yields for m in report.movements)
     assert check_network("roundabout").kind == "roundabout"
 
 
