@@ -74,11 +74,13 @@ def _lanes_of(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
     return [lane for edge in edges for lane in edge.getLanes()]
 
 
-def nodes_within(arms: Iterable[RawArm]) -> list[Any]:
-    """Nodes at which one edge of an arm passes into the next, once each."""
-    ends = [(e.getToNode() for arm in arms for e in arm.inbound[:-1]),
-            (e.getFromNode() for arm in arms for e in arm.outbound[1:])]  # fmt: skip
-    return list(dict.fromkeys(node for nodes in ends for node in nodes))
+def lights_at(junction: Junction, arms: Sequence[RawArm]) -> tuple[str, ...]:
+    """Ids of the nodes with traffic lights: of the junction, and of those at which one edge of an arm passes
+    into the next."""
+    within = [e.getToNode() for arm in arms for e in arm.inbound[:-1]]
+    within += [e.getFromNode() for arm in arms for e in arm.outbound[1:]]
+    nodes = dict.fromkeys((*junction.nodes, *within))
+    return tuple(node.getID() for node in nodes if str(node.getType()).startswith("traffic_light"))
 
 
 def _closed_edges(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
