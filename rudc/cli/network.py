@@ -54,7 +54,8 @@ def check(
 
     Of a network with several junctions it lists them, until `--junction` says which to check.
 
-    Of arms: `bearing`, where the arm lies 20 m out as seen from the junction's centre, 0 is east, 90 north.
+    Of arms: `bearing`, where the arm lies 20 m out as seen from the junction's centre, 0 is east, 90 north;
+    `length`, the largest `at` on its lanes.
     Of movements: `length` from stop line to exit; `radius` of the tightest bend; `waits inside`, how far
     beyond the stop line somebody who yields may come to wait.
 

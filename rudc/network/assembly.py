@@ -74,12 +74,25 @@ def _lanes_of(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
     return [lane for edge in edges for lane in edge.getLanes()]
 
 
+def _nodes_within(arm: RawArm) -> list[Any]:
+    """Nodes at which one edge of an arm passes into the next, once each."""
+    ends = [e.getToNode() for e in arm.inbound[:-1]] + [e.getFromNode() for e in arm.outbound[1:]]
+    return list(dict.fromkeys(ends))
+
+
+def tracks_across(arms: Sequence[RawArm]) -> list[tuple[int, Array]]:
+    """Where tracks cross an arm: the arm's place in `arms`, and (2,) m."""
+    return [
+        (k, np.array(node.getCoord()))
+        for k, arm in enumerate(arms)
+        for node in _nodes_within(arm)
+        if node.getType() == "rail_crossing"
+    ]
+
+
 def lights_at(junction: Junction, arms: Sequence[RawArm]) -> tuple[str, ...]:
-    """Ids of the nodes with traffic lights: of the junction, and of those at which one edge of an arm passes
-    into the next."""
-    within = [e.getToNode() for arm in arms for e in arm.inbound[:-1]]
-    within += [e.getFromNode() for arm in arms for e in arm.outbound[1:]]
-    nodes = dict.fromkeys((*junction.nodes, *within))
+    """Ids of the nodes of the junction and of its arms that have traffic lights."""
+    nodes = dict.fromkeys((*junction.nodes, *(node for arm in arms for node in _nodes_within(arm))))
     return tuple(node.getID() for node in nodes if str(node.getType()).startswith("traffic_light"))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -37,7 +38,7 @@ class ArmReport:
     bearing_deg: float
     """degrees counter-clockwise from east"""
     length_m: float
-    """m of two-way road"""
+    """m, the largest `at` on any of its lanes"""
     in_lanes: int
     """lanes towards the junction"""
     out_lanes: int
@@ -126,7 +127,7 @@ def _arm_report(network: Network, arm: Arm) -> ArmReport:
     return ArmReport(
         name=arm.name,
         bearing_deg=float(np.degrees(arm.bearing)),
-        length_m=arm.length,
+        length_m=max(network.stretch(lane).reach for lane in (*arm.in_lanes, *arm.out_lanes)),
         in_lanes=len(arm.in_lanes),
         out_lanes=len(arm.out_lanes),
         lane_width_m=min(lane.width for lane in lanes),
@@ -176,6 +177,11 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         yield (
             f"arm {arm.name} is only {length:.0f} m long on its way in; from {SHORT_ARM:.0f} m on there is "
             "room to start, follow and brake (others enter at its outer end, near the junction)"
+        )
+    for x, y in (place - network.center for k, place in network.tracks if network.arms[k] is arm):
+        yield (
+            f"tracks cross arm {arm.name} at [{x:.0f}, {y:.0f}], {math.hypot(x, y):.0f} m from the "
+            "junction's centre: there are no trains here"
         )
     if not arm.in_lanes:
         yield f"arm {arm.name} is one-way: nothing enters by it"

@@ -56,6 +56,8 @@ class Layout:
         raw_arms = assembly.in_order(reader.find_arms(chosen), self.center)
         self.lights = assembly.lights_at(chosen, raw_arms)
         """nodes of the junction and of its arms that have traffic lights"""
+        self.tracks = assembly.tracks_across(raw_arms)
+        """where tracks cross an arm: its place in `arms`, and (2,) m"""
         ways = reader.find_ways(chosen, raw_arms)
         if not ways:
             raise NetworkError(f"{path}: no connection leads through the junction {self.nodes[0]!r}")

@@ -7,6 +7,7 @@ import pytest
 from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
+from rudc.network.build import build_network
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
 from tests.world.networks import in_pieces, single_track
@@ -204,3 +205,31 @@ def test_ways_that_meet_head_on_without_right_of_way_are_named():
         place, size = np.column_stack([its_x, its_y])[against], np.tile((5.0, 1.8), (against.sum(), 1))
         meets |= bool((rectangle_gaps(x, y, psi, 5.0, 1.8, place, its_psi[against], size) == 0.0).any())
     assert meets
+
+
+def test_tracks_across_an_arm_are_named_and_its_length_is_what_at_counts(tmp_path):
+    """The crossing was not mentioned, and its 6 m counted in the one length and not in the other."""
+    nodes = {
+        "c": (0, 0),
+        "east": (120, 0),
+        "west": (-120, 0),
+        "far": (0, -120),
+        "r1": (-90, -60),
+        "r2": (90, -60),
+    }
+    ways = [("east", "c"), ("c", "east"), ("west", "c"), ("c", "west"), ("far", "r"), ("r", "c"), ("c", "r"),
+            ("r", "far"), ("r1", "r"), ("r", "r2")]  # fmt: skip
+    rows = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in nodes.items())
+    rows += '<node id="r" x="0" y="-60" type="rail_crossing"/>'
+    (tmp_path / "own.nod.xml").write_text(f"<nodes>{rows}</nodes>")
+    rails = dict.fromkeys((("r1", "r"), ("r", "r2")), "allow='rail'")
+    rows = "".join(
+        f'<edge id="{a}_{b}" from="{a}" to="{b}" speed="10" {rails.get((a, b), "")}/>' for a, b in ways
+    )
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{rows}</edges>")
+    report = check_network(build_network(tmp_path))
+    tracks = "tracks cross arm south at [0, -60], 60 m from the junction's centre: there are no trains here"
+    assert [text for text in report.warnings if "tracks" in text] == [tracks]
+    south = next(arm for arm in report.arms if arm.name == "south")
+    assert south.length_m == report.network.stretch("south_in_0").reach
+    assert south.length_m > report.network.arm("south").length + 4.0
