@@ -99,6 +99,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
     """Reads a network (shipped name or .net.xml) and checks all that the simulation will need from it.
     Raises NetworkError."""
     network = load_network(source, junction)
+    network.refuse_lights()
     routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.onward}
     warnings = [
         *_node_warnings(network),
@@ -160,8 +161,6 @@ def _node_warnings(network: Network) -> Iterator[str]:
             "the junction is `unregulated`: SUMO's vehicles drive through each other there; give its node "
             "the type `priority` or `allway_stop`"
         )
-    if network.lights:
-        yield "the junction has traffic lights, to which the ego pays no attention: no scenario can use it"
     reserved: dict[tuple[str, ...], list[str]] = {}
     for lane, users in network.left_out.items():
         reserved.setdefault(users, []).append(lane)

@@ -81,9 +81,9 @@ def test_each_trouble_is_named(tmp_path):
         tmp_path,
         (lane.format("10.00", "3.50", ""), lane.format("20.00", "2.40", ' disallow="bicycle truck"')),
         ('length="120.00"', 'length="40.00"'),
-        ('type="priority"', 'type="traffic_light"'),
     )
-    assert any("traffic lights" in w for w in narrow)
+    with pytest.raises(NetworkError, match=r"has traffic lights.*netconvert -s own\.net\.xml"):
+        changed(tmp_path, ('type="priority"', 'type="traffic_light"'))
     assert any("lane west_in_0 is only 2.40 m wide" in w for w in narrow)
     assert any("lane west_in_0 has a limit of 20.0 m/s" in w for w in narrow)
     both = changed(
