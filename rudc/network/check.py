@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rudc.geometry import rectangle_gaps
-from rudc.network.conflicts import head_on
+from rudc.network.conflicts import undecided
 from rudc.network.network import Network, load_network
 from rudc.network.polyline import arc_length, beside, resample
 from rudc.network.road import Arm, Lane, Movement
@@ -107,7 +107,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
         *_movement_warnings(network),
         *(text for route in routes.values() for text in _route_warnings(network, route)),
         *waiting_warnings(list(routes.values())),
-        *_head_on_warnings(network),
+        *_undecided_warnings(network),
     ]
     return NetworkReport(
         network=network,
@@ -303,18 +303,26 @@ def waiting_warnings(routes: list[Route]) -> Iterator[str]:
             )
 
 
-def _head_on_warnings(network: Network) -> Iterator[str]:
-    """A warning for each pair of movements whose vehicles meet head-on and have no right of way."""
+def _undecided_warnings(network: Network) -> Iterator[str]:
+    """A warning for each pair of movements whose vehicles meet and have no right of way."""
     paths = network.paths
+    if network.node_type == "unregulated":  # has a warning of its own
+        return
 
     def way(row: int) -> str:
         origin, destination = (network.arms[k].name for k in (paths.origin[row], paths.destination[row]))
         return f"from {origin} to {destination}"
 
-    for one, other in dict.fromkeys((way(a), way(b)) for a, b in head_on(paths)):
+    against, across = ([(way(a), way(b)) for a, b in pairs] for pairs in undecided(paths))
+    for one, other in dict.fromkeys(against):
         yield (
             f"vehicles {one} and {other} meet head-on in the junction, and neither must yield: they may "
             "stand for good; give the junction's node another `radius`, or the connections other shapes"
+        )
+    for one, other in dict.fromkeys(across):
+        yield (
+            f"the ways of vehicles {one} and {other} cross or merge in the junction, and neither must yield: "
+            'they may collide; no connection there should have `pass="true"`'
         )
 
 

@@ -233,3 +233,22 @@ def test_tracks_across_an_arm_are_named_and_its_length_is_what_at_counts(tmp_pat
     south = next(arm for arm in report.arms if arm.name == "south")
     assert south.length_m == report.network.stretch("south_in_0").reach
     assert south.length_m > report.network.arm("south").length + 4.0
+
+
+def test_ways_that_cross_or_merge_without_right_of_way_do_not_meet_head_on(tmp_path):
+    """They were said to meet head-on; where nobody has right of way, 12 lines said so."""
+    source = data_folder("sumo_networks") / "t_junction"
+    for part in ("nod", "edg", "typ"):
+        text = (source / f"t_junction.{part}.xml").read_text()
+        (tmp_path / f"own.{part}.xml").write_text(text)
+    free = "".join(
+        f'<connection from="south_in" to="{arm}_out" fromLane="{k}" toLane="{k}" pass="true"/>'
+        for k, arm in enumerate(("east", "west"))
+    )
+    (tmp_path / "own.con.xml").write_text(f"<connections>{free}</connections>")
+    path = build_network(tmp_path)
+    said = [text for text in check_network(path).warnings if "neither must yield" in text]
+    assert said
+    assert all("cross or merge" in text for text in said)
+    path.write_text(path.read_text().replace('type="priority"', 'type="unregulated"'))
+    assert len([text for text in check_network(path).warnings if "vehicles" in text]) == 1
