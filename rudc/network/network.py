@@ -107,7 +107,7 @@ class Network(Layout):
             users = ", ".join(self.left_out[name])
             raise NetworkError(
                 f"lane {name!r} of network {self.name} is closed to cars (for {users} only); "
-                "name a lane that cars use"
+                "name a lane that cars use; an `accident` may put vehicles there by `position: [x, y]`"
             )
         same = [known for known in self._outer if known.rpartition("_")[0] == name.rpartition("_")[0]]
         if same:
