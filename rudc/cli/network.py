@@ -134,7 +134,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     ]  # fmt: skip
     headings = [
         "arm",
-        "bearing (deg)",
+        "bearing (deg, 0 is east)",
         "length (m)",
         "lanes in",
         "out",

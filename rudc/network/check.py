@@ -36,7 +36,7 @@ class ArmReport:
     name: str
     """compass name"""
     bearing_deg: float
-    """degrees counter-clockwise from east"""
+    """degrees counter-clockwise from east; in the west 180, and not -180"""
     length_m: float
     """m, the largest `at` on any of its lanes"""
     in_lanes: int
@@ -124,10 +124,10 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
 
 
 def _arm_report(network: Network, arm: Arm) -> ArmReport:
-    lanes = network.lanes_of(arm)
+    lanes, bearing = network.lanes_of(arm), math.degrees(arm.bearing)
     return ArmReport(
         name=arm.name,
-        bearing_deg=float(np.degrees(arm.bearing)),
+        bearing_deg=bearing + 360.0 if round(bearing) == -180 else bearing,
         length_m=max(network.stretch(lane).reach for lane in (*arm.in_lanes, *arm.out_lanes)),
         in_lanes=len(arm.in_lanes),
         out_lanes=len(arm.out_lanes),

@@ -111,7 +111,9 @@ def test_each_trouble_is_named(tmp_path):
 def test_a_lane_that_cannot_be_named_says_what_can():
     sets = data_folder("results")
     tannery = load_network(sets / "held-out-13" / "networks" / "tannery.net.xml")
-    with pytest.raises(NetworkError, match=r"'south_out_0' .* closed to cars \(for bicycle only\).*`position: "):
+    with pytest.raises(
+        NetworkError, match=r"'south_out_0' .* closed to cars \(for bicycle only\).*`position: "
+    ):
         tannery.stretch("south_out_0")
     orchard = load_network(sets / "held-out-13" / "networks" / "orchard.net.xml")
     far = next(
@@ -252,3 +254,16 @@ def test_ways_that_cross_or_merge_without_right_of_way_do_not_meet_head_on(tmp_p
     assert all("cross or merge" in text for text in said)
     path.write_text(path.read_text().replace('type="priority"', 'type="unregulated"'))
     assert len([text for text in check_network(path).warnings if "vehicles" in text]) == 1
+
+
+@pytest.mark.parametrize("y", [-0.5, 0.0, 0.5])
+def test_the_west_is_at_180_degrees(tmp_path, y):
+    """In the next network it was at -180."""
+    rows = f'<node id="c" x="0" y="0"/><node id="w" x="-120" y="{y}"/><node id="e" x="120" y="0"/>'
+    (tmp_path / "own.nod.xml").write_text(f'<nodes>{rows}<node id="s" x="0" y="-120"/></nodes>')
+    rows = "".join(
+        f'<edge id="{a}_{b}" from="{a}" to="{b}" speed="10"/>' for x in "wes" for a, b in ((x, "c"), ("c", x))
+    )
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{rows}</edges>")
+    west = next(arm for arm in check_network(build_network(tmp_path)).arms if arm.name == "west")
+    assert west.bearing_deg == pytest.approx(180.0, abs=0.5)
