@@ -28,6 +28,10 @@ class JunctionError(NetworkError):
     """A network has no junction of the name that is asked for; the text names those that it has."""
 
 
+class SeveralJunctionsError(NetworkError):
+    """A network has several junctions, and none is chosen; the text names some of them."""
+
+
 class AgentError(InputError):
     """There is no such agent or checkpoint, or its parts or settings do not fit together."""
 

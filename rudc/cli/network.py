@@ -52,16 +52,24 @@ def check(
 ) -> None:
     """Say what is understood of a network: arms, lanes, movements, right of way; and what may go wrong.
 
-    Of arms: `bearing`, where the arm lies 20 m out as seen from the junction's centre, 0 is east, 90 north.
+    Of a network with several junctions it lists them, until `--junction` says which to check.
+
+    Of arms: `bearing`, where the arm lies 20 m out as seen from the junction's centre, 0 is east, 90 north;
+    `length`, the largest `at` on its lanes.
     Of movements: `length` from stop line to exit; `radius` of the tightest bend; `waits inside`, how far
     beyond the stop line somebody who yields may come to wait.
 
     **Example**: `rudc network check town.net.xml --junction J12 --out town.png`
     """
+    from rudc.errors import SeveralJunctionsError
     from rudc.network.check import check_network
     from rudc.world.trial import refuse_untried
 
-    report = check_network(source, junction)
+    try:
+        report = check_network(source, junction)
+    except SeveralJunctionsError:
+        _show_junctions(Path(source), as_json)
+        raise
     written = None
     if out is not None:  # first, since whoever reads the tables may stop reading
         from rudc.drawing.network_picture import draw_network
@@ -78,6 +86,18 @@ def check(
         if written is not None:
             typer.echo(f"\n{written}")
     refuse_untried(report.network)
+
+
+def _show_junctions(path: Path, as_json: bool) -> None:
+    """A table of the junctions among which one must be chosen."""
+    from rudc.network.junctions import list_junctions
+
+    found = list_junctions(path)
+    if as_json:
+        print_json({"junctions": [vars(junction) for junction in found]})
+        return
+    rows = [[j.id, str(j.arms), j.kind, f"{j.x_m:.0f}", f"{j.y_m:.0f}", j.unusable or ""] for j in found]
+    print_table(["junction", "arms", "kind", "x (m)", "y (m)", "unusable"], rows, right=(1, 3, 4))
 
 
 def _values(report: NetworkReport) -> dict[str, Any]:
@@ -114,7 +134,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     ]  # fmt: skip
     headings = [
         "arm",
-        "bearing (deg)",
+        "bearing (deg, 0 is east)",
         "length (m)",
         "lanes in",
         "out",
@@ -126,7 +146,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     typer.echo()
     movements = [
         [m.origin, m.destination, m.turn, " ".join(map(str, m.lanes)), "yields" if m.yields else "",
-         f"{m.length_m:.0f}", _radius(m.least_radius_m), f"{m.waiting_m:.1f}" if m.yields else ""]
+         f"{m.length_m:.0f}", _radius(m.least_radius_m), "" if m.waiting_m is None else f"{m.waiting_m:.1f}"]
         for m in report.movements
     ]  # fmt: skip
     print_table(

@@ -1,8 +1,8 @@
 """A picture of a network: its road, its arms, and every route through the junction that scenarios may use.
 
 A route, one for each lane that it may begin on, is coloured by its turn: its path (thick where it meets
-traffic of other arms), lines to other lanes of the same arm (thin), a bar where it stops, a dot where it
-waits inside the junction.
+traffic of other arms), lines to other lanes of the same arm (thin), a bar where it stops, and if it yields
+a dot where it waits inside the junction.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def draw_network(network: Network) -> Image.Image:
     canvas = new_map(network, reach)
     for movement in network.onward:
         for lane in sorted({network.inbound_lane(row).index for row in movement.rows}):
-            draw_route(canvas, network.route(movement.origin, movement.destination, lane))
+            route = network.route(movement.origin, movement.destination, lane)
+            draw_route(canvas, route, yields=not movement.major)
     name_arms(canvas, network, reach)
     turns = sorted({movement.turn for movement in network.onward}, key=list(TURNS).index)
     names = tuple((f"{turn}{GAP}", TURNS[turn]) for turn in turns)
@@ -45,8 +46,8 @@ def draw_network(network: Network) -> Image.Image:
     return finished(canvas, reach, lines)
 
 
-def draw_route(canvas: Canvas, route: Route) -> None:
-    """One route."""
+def draw_route(canvas: Canvas, route: Route, *, yields: bool) -> None:
+    """One route, and if it `yields` where it waits."""
     colour, path = TURNS[route.turn], route.path
     line = offset_polyline(path.xy, ASIDE_M[route.turn])
     for other in route.alternatives:
@@ -58,6 +59,7 @@ def draw_route(canvas: Canvas, route: Route) -> None:
     x, y, psi = (float(v) for v in path.pose(route.stop_line_s))
     across = np.array([-np.sin(psi), np.cos(psi)])
     canvas.line(np.array([x, y]) + np.array([-across, across]), colour, 0.5)
-    x, y, _ = (float(v) for v in path.pose(route.waiting_s))
-    canvas.dot(x, y, 0.65, INK)
-    canvas.dot(x, y, 0.5, colour)
+    if yields:
+        x, y, _ = (float(v) for v in path.pose(route.waiting_s))
+        canvas.dot(x, y, 0.65, INK)
+        canvas.dot(x, y, 0.5, colour)

@@ -23,8 +23,9 @@ from rudc.network.sides import RawArm, place_along, shape_of
 
 STRAIGHT = np.radians(30.0)
 """rad, a change of heading smaller than this is no turn"""
-ALIKE = 1e-6
-"""rad, headings nearer to each other are the same"""
+ALIKE = np.radians(1.0)
+"""rad, changes of heading to both sides that differ by less are equal: files have centimetres, and whoever
+draws a fork is no more exact"""
 LOOK_OUT = 20.0
 """m of an arm next to the junction over which its direction is taken"""
 OVERHANG = 10.0
@@ -73,11 +74,26 @@ def _lanes_of(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
     return [lane for edge in edges for lane in edge.getLanes()]
 
 
-def nodes_within(arms: Iterable[RawArm]) -> list[Any]:
+def _nodes_within(arm: RawArm) -> list[Any]:
     """Nodes at which one edge of an arm passes into the next, once each."""
-    ends = [(e.getToNode() for arm in arms for e in arm.inbound[:-1]),
-            (e.getFromNode() for arm in arms for e in arm.outbound[1:])]  # fmt: skip
-    return list(dict.fromkeys(node for nodes in ends for node in nodes))
+    ends = [e.getToNode() for e in arm.inbound[:-1]] + [e.getFromNode() for e in arm.outbound[1:]]
+    return list(dict.fromkeys(ends))
+
+
+def tracks_across(arms: Sequence[RawArm]) -> list[tuple[int, Array]]:
+    """Where tracks cross an arm: the arm's place in `arms`, and (2,) m."""
+    return [
+        (k, np.array(node.getCoord()))
+        for k, arm in enumerate(arms)
+        for node in _nodes_within(arm)
+        if node.getType() == "rail_crossing"
+    ]
+
+
+def lights_at(junction: Junction, arms: Sequence[RawArm]) -> tuple[str, ...]:
+    """Ids of the nodes of the junction and of its arms that have traffic lights."""
+    nodes = dict.fromkeys((*junction.nodes, *(node for arm in arms for node in _nodes_within(arm))))
+    return tuple(node.getID() for node in nodes if str(node.getType()).startswith("traffic_light"))
 
 
 def _closed_edges(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
@@ -253,11 +269,11 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
 
 def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, angle: float) -> Turn:
     """The name of a turn that does not lead back. If several destinations lie nearly straight on, only the
-    straightest is `straight`; of two that lie equally far to both sides, none.
+    straightest is `straight`; of two that lie equally far to both sides (within ALIKE), none.
     """
     others = [_angle(arms, o, b) for a, b in rows if a == o and b not in (o, d)]
     straighter = any(abs(other) < abs(angle) for other in others)
-    forked = abs(angle) > ALIKE and any(abs(other + angle) < ALIKE for other in others)
+    forked = any(other * angle < 0.0 and abs(other + angle) < ALIKE for other in others)
     if abs(angle) < STRAIGHT and not straighter and not forked:
         return "straight"
     return "left" if angle > 0 else "right"

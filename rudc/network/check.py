@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rudc.geometry import rectangle_gaps
-from rudc.network.conflicts import head_on
+from rudc.network.conflicts import undecided
 from rudc.network.network import Network, load_network
 from rudc.network.polyline import arc_length, beside, resample
 from rudc.network.road import Arm, Lane, Movement
@@ -35,9 +36,9 @@ class ArmReport:
     name: str
     """compass name"""
     bearing_deg: float
-    """degrees counter-clockwise from east"""
+    """degrees counter-clockwise from east; in the west 180, and not -180"""
     length_m: float
-    """m of two-way road"""
+    """m, the largest `at` on any of its lanes"""
     in_lanes: int
     """lanes towards the junction"""
     out_lanes: int
@@ -68,8 +69,8 @@ class MovementReport:
     """m from stop line to the junction's exit"""
     least_radius_m: float
     """m, tightest bend of the ego's path (inf where it is straight)"""
-    waiting_m: float
-    """m beyond the stop line that the front bumper may wait"""
+    waiting_m: float | None
+    """m beyond the stop line that the front bumper may wait; None where it need not yield"""
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
     """Reads a network (shipped name or .net.xml) and checks all that the simulation will need from it.
     Raises NetworkError."""
     network = load_network(source, junction)
+    network.refuse_lights()
     routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.onward}
     warnings = [
         *_node_warnings(network),
@@ -105,7 +107,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
         *_movement_warnings(network),
         *(text for route in routes.values() for text in _route_warnings(network, route)),
         *waiting_warnings(list(routes.values())),
-        *_head_on_warnings(network),
+        *_undecided_warnings(network),
     ]
     return NetworkReport(
         network=network,
@@ -122,11 +124,11 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
 
 
 def _arm_report(network: Network, arm: Arm) -> ArmReport:
-    lanes = network.lanes_of(arm)
+    lanes, bearing = network.lanes_of(arm), math.degrees(arm.bearing)
     return ArmReport(
         name=arm.name,
-        bearing_deg=float(np.degrees(arm.bearing)),
-        length_m=arm.length,
+        bearing_deg=bearing + 360.0 if round(bearing) == -180 else bearing,
+        length_m=max(network.stretch(lane).reach for lane in (*arm.in_lanes, *arm.out_lanes)),
         in_lanes=len(arm.in_lanes),
         out_lanes=len(arm.out_lanes),
         lane_width_m=min(lane.width for lane in lanes),
@@ -144,7 +146,7 @@ def _movement_report(network: Network, movement: Movement, route: Route) -> Move
         yields=not movement.major,
         length_m=route.exit_s - route.stop_line_s,
         least_radius_m=_least_radius(route),
-        waiting_m=route.waiting_s - route.stop_line_s,
+        waiting_m=None if movement.major else route.waiting_s - route.stop_line_s,
     )
 
 
@@ -159,8 +161,6 @@ def _node_warnings(network: Network) -> Iterator[str]:
             "the junction is `unregulated`: SUMO's vehicles drive through each other there; give its node "
             "the type `priority` or `allway_stop`"
         )
-    if network.lights:
-        yield "the junction has traffic lights, to which the ego pays no attention: no scenario can use it"
     reserved: dict[tuple[str, ...], list[str]] = {}
     for lane, users in network.left_out.items():
         reserved.setdefault(users, []).append(lane)
@@ -176,6 +176,11 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         yield (
             f"arm {arm.name} is only {length:.0f} m long on its way in; from {SHORT_ARM:.0f} m on there is "
             "room to start, follow and brake (others enter at its outer end, near the junction)"
+        )
+    for x, y in (place - network.center for k, place in network.tracks if network.arms[k] is arm):
+        yield (
+            f"tracks cross arm {arm.name} at [{x:.0f}, {y:.0f}], {math.hypot(x, y):.0f} m from the "
+            "junction's centre: there are no trains here"
         )
     if not arm.in_lanes:
         yield f"arm {arm.name} is one-way: nothing enters by it"
@@ -298,18 +303,26 @@ def waiting_warnings(routes: list[Route]) -> Iterator[str]:
             )
 
 
-def _head_on_warnings(network: Network) -> Iterator[str]:
-    """A warning for each pair of movements whose vehicles meet head-on and have no right of way."""
+def _undecided_warnings(network: Network) -> Iterator[str]:
+    """A warning for each pair of movements whose vehicles meet and have no right of way."""
     paths = network.paths
+    if network.node_type == "unregulated":  # has a warning of its own
+        return
 
     def way(row: int) -> str:
         origin, destination = (network.arms[k].name for k in (paths.origin[row], paths.destination[row]))
         return f"from {origin} to {destination}"
 
-    for one, other in dict.fromkeys((way(a), way(b)) for a, b in head_on(paths)):
+    against, across = ([(way(a), way(b)) for a, b in pairs] for pairs in undecided(paths))
+    for one, other in dict.fromkeys(against):
         yield (
             f"vehicles {one} and {other} meet head-on in the junction, and neither must yield: they may "
             "stand for good; give the junction's node another `radius`, or the connections other shapes"
+        )
+    for one, other in dict.fromkeys(across):
+        yield (
+            f"the ways of vehicles {one} and {other} cross or merge in the junction, and neither must yield: "
+            'they may collide; no connection there should have `pass="true"`'
         )
 
 

@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import gaps_between
 from rudc.network.paths import SPACING, PathTable
+from rudc.network.polyline import crossing_cosines
 from rudc.network.route import ReferencePath
 from rudc.network.widening import AROUND
 from rudc.vehicle import EgoVehicle
@@ -140,22 +141,27 @@ def silent(path: ReferencePath, paths: PathTable, row: int) -> Array:
     return table
 
 
-def head_on(paths: PathTable) -> list[tuple[int, int]]:
-    """The pairs of rows from different arms on which cars meet head-on in the junction although neither must
-    yield: each stops before the other, and both stand for good.
+def undecided(paths: PathTable) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """The pairs of rows from different arms of which neither must yield although they meet in the junction:
+    first those on which cars meet head-on, so that each stops before the other and both stand for good, and
+    then those that cross or merge.
     """
-    cars = []
+    lines, cars = [], []
     for row in range(paths.count):
         s = np.arange(paths.stop_s[row], paths.exit_s[row] + CAR.length, 2 * SPACING)
         cars.append(paths.body_pose(np.full(len(s), row), s, CAR.length))
-    found = []
+        lines.append(paths.xy[row, int(paths.stop_s[row] / SPACING) : int(s[-1] / SPACING) + 1])
+    against, across = list[tuple[int, int]](), list[tuple[int, int]]()
     neither = ~(paths.yields | paths.yields.T) & (paths.origin[:, None] != paths.origin)
     for row, other in np.argwhere(np.triu(neither)).tolist():
+        if (crossing_cosines(lines[row], lines[other]) > -COS_ALONG).any():
+            across.append((row, other))
+            continue
         (xy, psi), (its_xy, its_psi) = cars[row], cars[other]
         ours, theirs = _close(xy, psi, its_xy, its_psi, 0.0)
         if (np.cos(psi[ours] - its_psi[theirs]) < -COS_ALONG).any():
-            found.append((row, other))
-    return found
+            against.append((row, other))
+    return against, across
 
 
 def _close(

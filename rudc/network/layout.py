@@ -54,12 +54,10 @@ class Layout:
         self.center: Array = assembly.centre_of(chosen)
         """(2,) m, what positions in scenario files are relative to"""
         raw_arms = assembly.in_order(reader.find_arms(chosen), self.center)
-        self.lights = tuple(
-            node.getID()
-            for node in (*chosen.nodes, *assembly.nodes_within(raw_arms))
-            if str(node.getType()).startswith("traffic_light")
-        )
+        self.lights = assembly.lights_at(chosen, raw_arms)
         """nodes of the junction and of its arms that have traffic lights"""
+        self.tracks = assembly.tracks_across(raw_arms)
+        """where tracks cross an arm: its place in `arms`, and (2,) m"""
         ways = reader.find_ways(chosen, raw_arms)
         if not ways:
             raise NetworkError(f"{path}: no connection leads through the junction {self.nodes[0]!r}")

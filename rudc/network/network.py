@@ -32,6 +32,7 @@ from rudc.network.stretches import (
     arm_stretches,
     inner_stretches,
     lane_of_ego,
+    ring_past,
     stretch_by_id,
 )
 from rudc.vehicle import EgoVehicle
@@ -106,13 +107,22 @@ class Network(Layout):
             users = ", ".join(self.left_out[name])
             raise NetworkError(
                 f"lane {name!r} of network {self.name} is closed to cars (for {users} only); "
-                "name a lane that cars use"
+                "name a lane that cars use; an `accident` may put vehicles there by `position: [x, y]`"
             )
         same = [known for known in self._outer if known.rpartition("_")[0] == name.rpartition("_")[0]]
         if same:
             raise NetworkError(f"no lane {name!r} in network {self.name}; cars have {', '.join(same)} there")
         for arm in self.arms:
             lanes = {f"{arm.name}_in": arm.in_lanes, f"{arm.name}_out": arm.out_lanes}
+            if (
+                name.rpartition("_")[0] == f"ring_{arm.name}"
+                and not arm.in_lanes
+                and (past := ring_past(self, arm))
+            ):
+                raise NetworkError(
+                    f"no lane {name!r} in network {self.name}: nothing enters by arm {arm.name!r}, so that "
+                    f"stretch of the ring is part of {', '.join(past)}"
+                )
             if lanes.get(name.rpartition("_")[0]) == ():
                 raise NetworkError(
                     f"no lane {name!r} in network {self.name}: arm {arm.name!r} is one-way, "

@@ -57,6 +57,18 @@ def beside(xy: Array, points: Array) -> tuple[Array, Array]:
     return arc_length(xy)[i] + s[each, i], np.copysign(gap[each, i], left[each, i])
 
 
+def crossing_cosines(xy: Array, other: Array) -> Array:
+    """(K,) cosine of the angle between two polylines (n, 2) and (m, 2) m at each place where they cross."""
+    (start, along), (its_start, its) = ((line[:-1], np.diff(line, axis=0)) for line in (xy, other))
+    away = its_start[None] - start[:, None]
+    turn = np.multiply.outer(along[:, 0], its[:, 1]) - np.multiply.outer(along[:, 1], its[:, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel pieces do not cross
+        on_one = (away[..., 0] * its[:, 1] - away[..., 1] * its[:, 0]) / turn
+        on_other = (away[..., 0] * along[:, None, 1] - away[..., 1] * along[:, None, 0]) / turn
+    i, j = np.nonzero((on_one >= 0.0) & (on_one <= 1.0) & (on_other >= 0.0) & (on_other <= 1.0))
+    return (along[i] * its[j]).sum(axis=-1) / (np.hypot(*along[i].T) * np.hypot(*its[j].T))
+
+
 def headings(xy: Array) -> Array:
     """(K,) rad, unwrapped, direction of the polyline xy (K, 2) at its points, by central differences."""
     d = np.gradient(xy, axis=0)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rudc.arrays import Flags
-from rudc.errors import JunctionError, NetworkError
+from rudc.errors import JunctionError, NetworkError, SeveralJunctionsError
 from rudc.hints import listed
 from rudc.network.paths import PathSource
 from rudc.network.sides import RawArm, paired, roads_to_one
@@ -78,18 +78,25 @@ def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
         return _junction(net, groups[names[0]], alias)
     if not groups:
         raise NetworkError(f"{path}: no junction with at least three arms in this network")
-    raise NetworkError(
+    raise SeveralJunctionsError(
         f"{path}: several junctions in this network; choose one by `junction: ID` in the scenario's file "
-        f"(of `rudc network check`: by --junction ID): {listed(names)}"
+        f"(of `rudc network check`, which has a table of them: by --junction ID): {listed(names)}"
     )
+
+
+def all_junctions(net: Any) -> list[Junction]:
+    """The junctions that there are, by name."""
+    alias = _roundabout_alias(net)
+    return [_junction(net, nodes, alias) for _, nodes in sorted(_junction_groups(net, alias).items())]
 
 
 def _junction(net: Any, nodes: tuple[Any, ...], alias: dict[str, str]) -> Junction:
     ids = {node.getID() for node in nodes}
     ring = frozenset(
         edge.getID()
-        for edge in net.getEdges(withInternal=False)
-        if edge.getFromNode().getID() in ids and edge.getToNode().getID() in ids
+        for node in nodes
+        for edge in node.getOutgoing()
+        if not edge.getFunction() and edge.getToNode().getID() in ids
     )
     return Junction(net, nodes, ring, alias)
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -288,6 +289,29 @@ def _ring_of(network: Layout, arm: Arm) -> dict[str, Stretch]:
         name = f"ring_{arm.name}_{lane.index}"
         found[name] = Stretch(name, lane, end - start, start, 1.0, (network, row), True)
     return found
+
+
+def ring_past(network: Layout, arm: Arm) -> list[str]:
+    """The stretches of the ring, by name, that go on past where an arm leads away from it, each with the `at`
+    from which it does."""
+    found = dict[str, None]()
+    leads_away = [lanes for row, lanes in enumerate(network.paths.lane_ids) if _leads_to(network, row, arm)]
+    before = {[i for i in lanes if _edge(i) in network.ring_edges][-1] for lanes in leads_away}
+    for name, stretch in inner_stretches(network).items():
+        if name.startswith("ring_") and not isinstance(stretch.line, ReferencePath):
+            _, row = stretch.line
+            ring = [i for i in network.paths.lane_ids[row] if _edge(i) in network.ring_edges]
+            for lane_id, after in pairwise(ring):
+                at = network.span(row, after)[0] - stretch.start
+                if lane_id in before and 0.0 < at < stretch.reach:
+                    found[f"{name} from `at: {at:.0f}` on"] = None
+    return list(found)
+
+
+def _leads_to(network: Layout, row: int, arm: Arm) -> bool:
+    """Whether a row of `paths` leads over the ring to an arm."""
+    on_ring = any(_edge(lane) in network.ring_edges for lane in network.paths.lane_ids[row])
+    return on_ring and network.arms[int(network.paths.destination[row])] is arm
 
 
 def _edge(lane_id: str) -> str:

@@ -111,6 +111,12 @@ def _error(reports: list[Report], path: File) -> ScenarioError:
 
 def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, list[Report]]:
     """What a file and those it extends say together, and problems."""
+    if is_network_path(path.name):
+        name = shown(path)
+        raise ScenarioError(
+            f"{name}: this is a network: a scenario names it as `network: {name}`; "
+            f"`rudc network check {name}` says what is understood of it"
+        )
     try:
         with path.open("rb") as file:
             start = file.read(4 * LONGEST + 4)  # a character takes at most 4 bytes

@@ -120,14 +120,21 @@ def _named(shares: Mapping[str, Distribution] | None, *, sure: bool = False) -> 
 
 def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:
     """The problem of an arm that is too short for the ego's start, if there is one."""
-    ways = [float(network.paths.stop_s[start_row(network, movement)]) for movement in movements]
-    way, arm, to = min((way, m.origin, m.destination) for way, m in zip(ways, movements, strict=True))
+    ways = {m: float(network.paths.stop_s[start_row(network, m)]) for m in network.onward}
+    way, arm, to = min((ways[m], m.origin, m.destination) for m in movements)
     room, far = way - network.vehicle.length, likely(ego.distance)[1]
     if far <= room + TOLERANCE_M:
         return []
+    fit = {m: ways[m] - network.vehicle.length + TOLERANCE_M >= far for m in ways}
+    among = movements if any(fit[m] for m in movements) else network.onward
+    short = {m.origin for m in among if not fit[m]}
+    long = list(dict.fromkeys(m.origin for m in among if m.origin not in short))
+    choice = long[0] if len(long) == 1 else f"{{choice: [{', '.join(long)}]}}"
     text = (
-        f"{far:g} m do not fit on arm {arm!r} of network {network.name}, which has {room:.1f} m for it: the "
+        f"{far:g} m do not fit on arm {arm!r} of network {network.name}, which has "
+        f"{f'{room:.1f} m' if room > 0.0 else 'no room'} for it: the "
         f"ego's path to {to!r} begins {way:.1f} m before the stop line, and the car takes the rest"
+        f"{f'; there is room with `route: {{from: {choice}}}`' if long else ''}"
     )
     return [Problem(("ego", "distance"), text)]
 

@@ -12,10 +12,12 @@ import yaml
 
 from rudc.agents.registry import make_agent
 from rudc.network import build
+from rudc.network.check import check_network
 from rudc.scenario import load_scenario
 from rudc.studies.base import Report
 from rudc.studies.catalogue import STUDIES
 from tests.blocks import blocks_of, run_commands, run_python_here, smaller
+from tests.world.networks import two_lane_ring
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -78,6 +80,17 @@ def test_netconverts_options_are_those_of_network_build():
     said = (DOCS / "tutorials" / "own_network.md").read_text(encoding="utf-8")
     given = (*build.PLAIN_OPTIONS, *build.OSM_OPTIONS, *build.OPTIONS)
     assert [option for option in given if f"{option} " not in said and f"{option}`" not in said] == []
+
+
+def test_on_the_ring_of_two_lanes_all_lanes_lead_somewhere(tmp_path):
+    page = DOCS / "tutorials" / "own_network.md"
+    (text,) = (block.text for block in blocks_of(page) if str(block.file).endswith("my_ring.con.xml"))
+    without = check_network(two_lane_ring(tmp_path, 2))
+    assert sum("leads nowhere" in warning for warning in without.warnings) == 4
+    (tmp_path / "ring.con.xml").write_text(text, encoding="utf-8")
+    report = check_network(two_lane_ring(tmp_path, 2))
+    assert report.warnings == ()
+    assert {m.turn: m.lanes for m in report.movements} == {"right": (0, 1), "straight": (1,), "left": (1,)}
 
 
 def test_every_page_is_in_the_menu():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rudc.data import data_folder
+from rudc.drawing.canvas import Canvas
 from rudc.drawing.map import LEFT_PX, SIDE_PX, name_arms, new_map, ticks
 from rudc.drawing.network_picture import draw_network
 from rudc.drawing.palette import ASPHALT, GROUND, MARK, PAVEMENT, RESERVED, TURNS
@@ -140,7 +141,9 @@ def test_a_cycle_lane_on_a_roundabouts_ring_is_drawn(tmp_path):
 def test_a_route_is_drawn_from_each_lane_that_it_may_begin_on(monkeypatch):
     """Of two lanes that lead straight on only one was drawn."""
     network, drawn = load_network("four_way"), []
-    monkeypatch.setattr("rudc.drawing.network_picture.draw_route", lambda canvas, route: drawn.append(route))
+    monkeypatch.setattr(
+        "rudc.drawing.network_picture.draw_route", lambda _, route, **_more: drawn.append(route)
+    )
     draw_network(network)
     begins = {(route.origin, route.destination, network.inbound_lane(route.row).index) for route in drawn}
     assert begins == {
@@ -149,3 +152,17 @@ def test_a_route_is_drawn_from_each_lane_that_it_may_begin_on(monkeypatch):
         for row in movement.rows
     }
     assert len(begins) == len(drawn) > len(network.onward)
+
+
+def test_a_dot_where_it_waits_is_drawn_only_of_routes_that_yield(monkeypatch):
+    """The table of `network check` leaves the others blank."""
+    network, dots = load_network("t_junction"), []
+    monkeypatch.setattr(Canvas, "dot", lambda self, x, y, radius, colour: dots.append((x, y)))
+    draw_network(network)
+    waits = [
+        network.route(movement.origin, movement.destination, network.inbound_lane(row).index)
+        for movement in network.onward
+        for row in movement.rows
+        if not movement.major
+    ]
+    assert set(dots) == {tuple(map(float, route.path.pose(route.waiting_s)[:2])) for route in waits}

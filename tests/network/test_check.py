@@ -7,6 +7,7 @@ import pytest
 from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
+from rudc.network.build import build_network
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
 from tests.world.networks import in_pieces, single_track
@@ -35,6 +36,7 @@ def test_a_report_says_what_was_understood():
     assert left.yields
     assert left.least_radius_m == pytest.approx(10.5, rel=0.03)
     assert left.waiting_m > 7.0
+    assert all((m.waiting_m is None) != m.yields for m in report.movements)
     assert check_network("roundabout").kind == "roundabout"
 
 
@@ -79,9 +81,9 @@ def test_each_trouble_is_named(tmp_path):
         tmp_path,
         (lane.format("10.00", "3.50", ""), lane.format("20.00", "2.40", ' disallow="bicycle truck"')),
         ('length="120.00"', 'length="40.00"'),
-        ('type="priority"', 'type="traffic_light"'),
     )
-    assert any("traffic lights" in w for w in narrow)
+    with pytest.raises(NetworkError, match=r"has traffic lights.*netconvert -s own\.net\.xml"):
+        changed(tmp_path, ('type="priority"', 'type="traffic_light"'))
     assert any("lane west_in_0 is only 2.40 m wide" in w for w in narrow)
     assert any("lane west_in_0 has a limit of 20.0 m/s" in w for w in narrow)
     both = changed(
@@ -109,7 +111,9 @@ def test_each_trouble_is_named(tmp_path):
 def test_a_lane_that_cannot_be_named_says_what_can():
     sets = data_folder("results")
     tannery = load_network(sets / "held-out-13" / "networks" / "tannery.net.xml")
-    with pytest.raises(NetworkError, match=r"'south_out_0' .* is closed to cars \(for bicycle only\)"):
+    with pytest.raises(
+        NetworkError, match=r"'south_out_0' .* closed to cars \(for bicycle only\).*`position: "
+    ):
         tannery.stretch("south_out_0")
     orchard = load_network(sets / "held-out-13" / "networks" / "orchard.net.xml")
     far = next(
@@ -203,3 +207,63 @@ def test_ways_that_meet_head_on_without_right_of_way_are_named():
         place, size = np.column_stack([its_x, its_y])[against], np.tile((5.0, 1.8), (against.sum(), 1))
         meets |= bool((rectangle_gaps(x, y, psi, 5.0, 1.8, place, its_psi[against], size) == 0.0).any())
     assert meets
+
+
+def test_tracks_across_an_arm_are_named_and_its_length_is_what_at_counts(tmp_path):
+    """The crossing was not mentioned, and its 6 m counted in the one length and not in the other."""
+    nodes = {
+        "c": (0, 0),
+        "east": (120, 0),
+        "west": (-120, 0),
+        "far": (0, -120),
+        "r1": (-90, -60),
+        "r2": (90, -60),
+    }
+    ways = [("east", "c"), ("c", "east"), ("west", "c"), ("c", "west"), ("far", "r"), ("r", "c"), ("c", "r"),
+            ("r", "far"), ("r1", "r"), ("r", "r2")]  # fmt: skip
+    rows = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in nodes.items())
+    rows += '<node id="r" x="0" y="-60" type="rail_crossing"/>'
+    (tmp_path / "own.nod.xml").write_text(f"<nodes>{rows}</nodes>")
+    rails = dict.fromkeys((("r1", "r"), ("r", "r2")), "allow='rail'")
+    rows = "".join(
+        f'<edge id="{a}_{b}" from="{a}" to="{b}" speed="10" {rails.get((a, b), "")}/>' for a, b in ways
+    )
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{rows}</edges>")
+    report = check_network(build_network(tmp_path))
+    tracks = "tracks cross arm south at [0, -60], 60 m from the junction's centre: there are no trains here"
+    assert [text for text in report.warnings if "tracks" in text] == [tracks]
+    south = next(arm for arm in report.arms if arm.name == "south")
+    assert south.length_m == report.network.stretch("south_in_0").reach
+    assert south.length_m > report.network.arm("south").length + 4.0
+
+
+def test_ways_that_cross_or_merge_without_right_of_way_do_not_meet_head_on(tmp_path):
+    """They were said to meet head-on; where nobody has right of way, 12 lines said so."""
+    source = data_folder("sumo_networks") / "t_junction"
+    for part in ("nod", "edg", "typ"):
+        text = (source / f"t_junction.{part}.xml").read_text()
+        (tmp_path / f"own.{part}.xml").write_text(text)
+    free = "".join(
+        f'<connection from="south_in" to="{arm}_out" fromLane="{k}" toLane="{k}" pass="true"/>'
+        for k, arm in enumerate(("east", "west"))
+    )
+    (tmp_path / "own.con.xml").write_text(f"<connections>{free}</connections>")
+    path = build_network(tmp_path)
+    said = [text for text in check_network(path).warnings if "neither must yield" in text]
+    assert said
+    assert all("cross or merge" in text for text in said)
+    path.write_text(path.read_text().replace('type="priority"', 'type="unregulated"'))
+    assert len([text for text in check_network(path).warnings if "vehicles" in text]) == 1
+
+
+@pytest.mark.parametrize("y", [-0.5, 0.0, 0.5])
+def test_the_west_is_at_180_degrees(tmp_path, y):
+    """In the next network it was at -180."""
+    rows = f'<node id="c" x="0" y="0"/><node id="w" x="-120" y="{y}"/><node id="e" x="120" y="0"/>'
+    (tmp_path / "own.nod.xml").write_text(f'<nodes>{rows}<node id="s" x="0" y="-120"/></nodes>')
+    rows = "".join(
+        f'<edge id="{a}_{b}" from="{a}" to="{b}" speed="10"/>' for x in "wes" for a, b in ((x, "c"), ("c", x))
+    )
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{rows}</edges>")
+    west = next(arm for arm in check_network(build_network(tmp_path)).arms if arm.name == "west")
+    assert west.bearing_deg == pytest.approx(180.0, abs=0.5)

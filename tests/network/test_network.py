@@ -119,10 +119,12 @@ def test_movements_of_the_t_junction_and_the_roundabout():
     )
 
 
-def test_of_a_fork_that_is_alike_to_both_sides_no_way_is_straight(tmp_path):
+@pytest.mark.parametrize("y", [50, 50.01, 51])
+def test_of_a_fork_that_is_alike_to_both_sides_no_way_is_straight(tmp_path, y):
+    """One centimetre made the other way `straight`."""
     nodes = "".join(
         f'<node id="{name}" x="{x}" y="{y}" type="priority"/>'
-        for name, x, y in (("c", 0, 0), ("trunk", -120, 0), ("one", 100, 50), ("other", 100, -50))
+        for name, x, y in (("c", 0, 0), ("trunk", -120, 0), ("one", 100, y), ("other", 100, -50))
     )
     ways = [(arm, "c") for arm in ("trunk", "one", "other")]
     edges = "".join(

@@ -128,3 +128,15 @@ def test_lanes_about_the_ego():
     for ask in (network.stretch, network.arm):
         with pytest.raises(NetworkError, match="before the ego's route is known"):
             ask("ego_out")
+
+
+def test_a_stretch_of_the_ring_past_an_arm_that_only_leads_away_is_found_by_its_name():
+    """Of `ring_southwest_0` it was asked whether `ring_south_0` is meant."""
+    network = load_network(data_folder("results") / "held-out-18" / "networks" / "oval" / "oval.net.xml")
+    assert not network.arm("southwest").in_lanes
+    with pytest.raises(NetworkError, match=r"is part of ring_west_0 from `at: (\d+)` on") as caught:
+        network.stretch("ring_southwest_0")
+    at = float(str(caught.value).rpartition("at: ")[2].removesuffix("` on"))
+    x, y, _ = network.place_on_lane("ring_west_0", at)
+    assert math.hypot(*(network.lane("southwest_out_0").xy[0] - (x, y))) < 20.0
+    assert (x, y) == pytest.approx(network.lane("ring_swexit_0").xy[0], abs=1.0)

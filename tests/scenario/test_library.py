@@ -85,6 +85,15 @@ def test_what_is_not_there(folder, source, message):
         assert all(part in str(caught.value) for part in message.split("..."))
 
 
+def test_a_network_is_no_scenario(folder):
+    """Of the text of a .net.xml it said that a mapping was expected."""
+    (folder / "own.net.xml").write_text("<net/>")
+    with pytest.raises(
+        ScenarioError, match=r"^own.net.xml: this is a network: .* `network: own.net.xml`; `rudc"
+    ):
+        find_scenarios(["own.net.xml"])
+
+
 def test_a_pattern_of_names_says_how_files_are_meant(folder):
     (folder / "zzz_own.yaml").write_text("name: zzz_own\n")
     with pytest.raises(ScenarioError, match=r"no scenario fits this pattern; zzz\*\.yaml would take files"):

@@ -134,8 +134,9 @@ def with_pockets(folder: Path, lanes: int = 1, pocket: int = 1) -> Path:
     return _built(folder, "pockets", nodes, edges)
 
 
-def two_lane_ring(folder: Path) -> Path:
-    """A roundabout of radius 25 m with two lanes and four arms of one: nobody turns into the inner lane."""
+def two_lane_ring(folder: Path, lanes: int = 1) -> Path:
+    """A roundabout of radius 25 m with two lanes and four arms: if these have one, nobody turns into the
+    inner lane."""
     names = list(AWAY)
     nodes, edges = [], []
     for k, arm in enumerate(names):
@@ -149,7 +150,7 @@ def two_lane_ring(folder: Path) -> Path:
             f'priority="9" shape="{arc}"/>'
         )
         edges += [
-            f'<edge id="{arm}_{way}" from="{start}" to="{end}" numLanes="1" speed="10" priority="1"/>'
+            f'<edge id="{arm}_{way}" from="{start}" to="{end}" numLanes="{lanes}" speed="10" priority="1"/>'
             for way, start, end in (("in", f"{arm}_far", arm), ("out", arm, f"{arm}_far"))
         ]
     ring = " ".join(f"ring_{arm}" for arm in names)

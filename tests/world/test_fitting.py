@@ -249,6 +249,26 @@ def test_the_ego_must_have_room_on_its_arm(problems):
     )
 
 
+def test_of_an_arm_without_room_the_error_says_which_have_room(problems, tmp_path):
+    """It said that the arm has -3.2 m for it."""
+    nodes = {"c": "0,0", "east": "13,0", "west": "-120,0", "south": "0,-11", "north": "0,120"}
+    rows = "".join('<node id="{}" x="{}" y="{}"/>'.format(name, *at.split(",")) for name, at in nodes.items())
+    (tmp_path / "own.nod.xml").write_text(f"<nodes>{rows}</nodes>", encoding="utf-8")
+    rows = "".join(
+        f'<edge id="{way}_{arm}" from="{a}" to="{b}" speed="10"/>'
+        for arm in list(nodes)[1:]
+        for way, a, b in (("in", arm, "c"), ("out", "c", arm))
+    )
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{rows}</edges>", encoding="utf-8")
+    path = build_network(tmp_path)
+    check(
+        problems(f"name: a\nnetwork: {path}\nego: {{distance: 45}}\n"),
+        "3:17: ego.distance: 45 m do not fit on arm 'south' of network own, which has no room for it: the "
+        "ego's path to ... begins ... m before the stop line, and the car takes the rest; there is room with "
+        "`route: {from: {choice: [north, west]}}`",
+    )
+
+
 def test_only_the_lane_that_the_ego_starts_on_must_have_room(problems, tmp_path):
     with_pockets(tmp_path)
     only = '<connection from="west_in_far" to="west_in" fromLane="0" toLane="0"/>'  # none into the pocket
