@@ -3,18 +3,19 @@
 In SUMO a vehicle waits for anybody inside the junction whose lane there crosses its own, for as long as
 that one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up
 those who have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once
-the ego has stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not
-held by the layer overlook the ego at junctions in SUMO. Once it has stood for LONG_S, so do those that
-should give way to it and can pass it: they take it that the ego lets them go first. Those that cannot pass
-it keep waiting, since they would only drive up to its nose, where neither could go on. When the ego drives
-again, those that stand heed it again. One that drives goes on overlooking it: SUMO would have it brake
-hard, often for nothing, and the layer makes it brake if it must. An SV that stands nose to nose with the
-ego goes back (rudc/world/backing_off.py).
+the ego has stood for STOOD_S, the SVs that need not give way to it by the right of way overlook it at
+junctions in SUMO: those that stand and are not held by the layer, and those that come, from COMING_M before
+their stop line on, if they can pass it. Once it has stood for LONG_S, those that stand and should give way to
+it and can pass it do so, too: they take it that the ego lets them go first. Those that cannot pass it keep
+waiting, since they would only drive up to its nose, where neither could go on. When the ego drives again,
+those that stand or have not reached their stop line heed it again. One in the junction goes on overlooking
+it: SUMO would have it brake hard, often for nothing, and the layer makes it brake if it must. An SV that
+stands nose to nose with the ego goes back (rudc/world/backing_off.py).
 
 SUMO takes a vehicle to be on the lane nearest to its front, so that an ego in a wide turn may count as
-standing ahead of somebody who only drives past it. So who is set free in the junction, on another path than
-the ego's, and can pass the ego where it stands, does not follow it either, until it is out of the junction,
-or the ego drives again before it is past.
+standing ahead of somebody who only drives past it. So who is free and stands in the junction, on another
+path than the ego's, and can pass the ego where it stands, does not follow it either, until it is out of the
+junction, or the ego drives again before it is past.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 STOOD_S, LONG_S = 5.0, 12.0
 """s, s for which the ego must have stood, the second for those that should give way to it"""
+COMING_M = 50.0
+"""m before their stop lines, from which on those that come overlook the ego"""
 
 
 class Unblocking:
@@ -50,26 +53,30 @@ class Unblocking:
         """those who do not follow the ego"""
 
     def step(self, scene: Scene, held: Collection[str], decision_s: float) -> None:
-        """Set free the SVs that stand and are not `held` by the yielding layer, once the ego has stood long
-        enough for them, and move those that go back. While the ego drives, those that stand heed it again.
+        """Once the ego has stood long enough, set free the SVs that stand and are not `held` by the yielding
+        layer, and those that come with priority, and move those that go back. Once the ego drives, those that
+        stand or have not reached their stop line heed it again.
         """
         self._backing_off.step(scene, decision_s)
         if self._passing:
             self._follow_again(scene)
         if scene.waited_s >= STOOD_S:
-            owes = scene.network.paths.yields[scene.path, scene.route.row] & (scene.waited_s < LONG_S)
-            wanted = _standing(scene, ~owes) - self._free - set(held)
+            owes = scene.network.paths.yields[scene.path, scene.route.row]
+            wanted = _standing(scene, ~owes | (scene.waited_s >= LONG_S)) - self._free - set(held)
+            comes = _coming(scene, ~owes) - self._free - wanted
+            wanted |= {name for name in comes if not bars(scene, scene.ids.index(name), math.inf)}
             if scene.waited_s >= LONG_S:
                 wanted -= _barred(scene, wanted)
             self._free |= wanted
         elif scene.waited_s == 0.0 and self._free:
-            wanted = _standing(scene, scene.path >= 0) & self._free
+            wanted = (_standing(scene, scene.path >= 0) | _coming(scene, scene.path >= 0)) & self._free
             self._free = (self._free - wanted).intersection(scene.ids)
         else:
             return
         for name in sorted(wanted):
             self._sumo.overlook(name, EGO if name in self._free else "")
-        for name in sorted(wanted & self._free & _in_junction(scene)):
+        stuck = _standing(scene, scene.path >= 0) & _in_junction(scene) & self._free
+        for name in sorted(stuck - self._passing - set(held)):
             if not bars(scene, scene.ids.index(name), math.inf):
                 self._passing.add(name)
                 self._sumo.overlook(name, EGO, ahead=True)
@@ -90,6 +97,14 @@ def _standing(scene: Scene, among: Flags) -> set[str]:
     """Names of the SVs that stand, `among` (N,) all."""
     stands = among & (scene.path >= 0) & (scene.speed < STANDING)
     return {scene.ids[i] for i in stands.nonzero()[0].tolist()}
+
+
+def _coming(scene: Scene, among: Flags) -> set[str]:
+    """Names of the SVs that drive and are less than COMING_M before their stop line, `among` (N,) all."""
+    row, front = scene.path, scene.path_s + 0.5 * scene.size[:, 0]
+    left = scene.network.paths.stop_s[row] - front
+    comes = among & (row >= 0) & (scene.speed >= STANDING) & (left > 0.0) & (left < COMING_M)
+    return {scene.ids[i] for i in comes.nonzero()[0].tolist()}
 
 
 def _in_junction(scene: Scene) -> set[str]:

@@ -32,6 +32,25 @@ def test_nobody_stands_for_ever_for_an_ego_that_stands_in_nobodys_way(world, mon
     assert longest_stand(world) > 45.0, "as SUMO has it"
 
 
+def slowed_down(world):
+    """How many of those who go straight on with priority slow down below 3 m/s before their stop line, in a
+    minute of the ego's standing on the minor road with its front a little beyond its line."""
+    paths, slow = world.network.paths, set()
+    straight = [world.network.route(arm, "straight").row for arm in ("east", "west")]
+    for scene in scenes_of_a_standing_ego(world, "straight", BEYOND - 0.5 * world.vehicle.length, 60.0):
+        before = paths.stop_s[scene.path] - scene.path_s - 0.5 * scene.size[:, 0]
+        found = np.isin(scene.path, straight) & (before > -1.0) & (before < 12.0) & (scene.speed < 3.0)
+        if scene.waited_s > unblocking.STOOD_S + 5.0:
+            slow |= {scene.ids[i] for i in found.nonzero()[0].tolist()}
+    return len(slow)
+
+
+def test_who_has_priority_does_not_slow_down_for_an_ego_that_stands_beside_its_way(world, monkeypatch):
+    assert slowed_down(world) == 0
+    monkeypatch.setattr(unblocking, "COMING_M", 0.0)
+    assert slowed_down(world) > 0, "as SUMO has it"
+
+
 def test_nor_behind_an_ego_that_only_sumo_takes_to_be_ahead(world_on, monkeypatch):
     """In its wide turn it counts as being on the lane of those who drive past it."""
     skewed = world_on("skewed_four_way")
@@ -53,6 +72,29 @@ class Asked:
 def unblocking_of(asked):
     one = Unblocking(asked, SimpleNamespace(drivers={}))
     return lambda scene, held=(): one.step(scene, held, 0.1)
+
+
+def test_who_comes_with_priority_overlooks_an_ego_that_it_can_pass(make_scene, four_way, monkeypatch):
+    own = four_way.route("south", "straight").row
+    row = int((~four_way.paths.yields[:, own]).argmax())
+    stop_s = float(four_way.paths.stop_s[row])
+
+    def asked_of(*steps):
+        asked = Asked()
+        step = unblocking_of(asked)
+        for s, waited_s in steps:
+            there = {"row": row, "s": s, "v": 9.0}
+            step(make_scene(there, v=0.0 if waited_s else 1.0, front=1.0, waited_s=waited_s))
+        return asked.overlooked
+
+    stood, near = unblocking.STOOD_S, stop_s - 20.0
+    assert asked_of((near, stood - 0.1)) == []
+    assert asked_of((near - unblocking.COMING_M, stood)) == [], "it is far away"
+    assert asked_of((near, stood), (near + 1.0, stood + 0.1)) == [("other0", "ego")]
+    assert asked_of((near, stood), (near, 0.0)) == [("other0", "ego"), ("other0", "")]
+    assert asked_of((near, stood), (stop_s + 1.0, 0.0)) == [("other0", "ego")], "in the junction it goes on"
+    monkeypatch.setattr(unblocking, "bars", lambda *where: True)
+    assert asked_of((near, stood)) == [], "it could not pass the ego"
 
 
 def test_whom_the_yielding_layer_holds_heeds_the_ego_and_who_stands_when_it_drives(make_scene, four_way):
