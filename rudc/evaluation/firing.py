@@ -96,12 +96,12 @@ class Firing:
         """Of episodes in which the trigger did not come true: which of its conditions held, in words."""
         if reason != EARLY or not self.held:
             return ""
-        told, counts = [*self.held.values()], Counter[str]()
-        for held in told:
-            counts.update(held)
+        told = [*self.held.values()]
+        keys = dict.fromkeys(key for held in told for key in held)
+        counts = [f"in {sum(held[key] for held in told)} of {len(told)}" for key in keys]
         each = ", ".join(
-            f"{key} {'held ' * (not i)}in {count} of {len(told)}"
-            for i, (key, count) in enumerate(counts.items())
+            f"{key} {'held ' * (not i)}{count}"
+            for i, (key, count) in enumerate(zip(keys, counts, strict=True))
         )
         apart = ", but not at once" if any(map(_would_do, told)) else ""
         return f" ({each}{apart})"

@@ -155,6 +155,11 @@ def test_conditions_that_did_not_hold_are_named():
     assert str(third).endswith(f": {EARLY} (relative_distance held in 0 of 2)")
 
 
+def test_conditions_of_a_single_episode_are_counted():
+    once = Firing(1, "fog", 1, 1, why_not={0: EARLY}, held={0: {"speed": False, "stand_still": True}})
+    assert str(once).endswith(" (speed held in 0 of 1, stand_still in 1 of 1)")
+
+
 def test_conditions_are_looked_at_without_drawing_anything():
     when = {"relative_distance": {"vehicle": "random", "below": 0.1}}
     slow = {"kind": "slow_vehicle", "vehicle": "random", "speed": 1, "when": when}
