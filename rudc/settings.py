@@ -8,6 +8,7 @@ a setting can be given (see `changed`).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from typing import Any, Self, TypeVar
@@ -26,6 +27,21 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from rudc.errors import InputError
 from rudc.hints import nearest
 
+_PLAIN = {
+    r"Value error, (.*)": r"\1",
+    r"Field required": "is missing, and it is required",
+    r"Input should be a valid integer.*": "expected a whole number",
+    r"Input should be a valid number.*": "expected a number",
+    r"Input should be a valid boolean.*": "expected true or false",
+    r"Input should be a valid string.*": "expected text",
+    r"Input should be a valid (?:list|tuple|array).*": "expected a list",
+    r"Input should be a valid dictionary.*": "expected a mapping",
+    r"Input should be greater than or equal to (.*)": r"must be at least \1",
+    r"Input should be less than or equal to (.*)": r"must be at most \1",
+    r"Input should be (greater|less) than (.*)": r"must be \1 than \2",
+    r"Input should be (.*)": r"expected \1",
+}
+"""a message of pydantic's -> ours"""
 NO_EFFECT = "no_effect"
 """type of the validation error for a setting that has no effect"""
 Tree = dict[str, Any]
@@ -159,6 +175,14 @@ def meant(key: str, known: Iterable[str]) -> str:
     return f" (did you mean {near!r}?)" if near and near != key else ""
 
 
+def plainly(message: str) -> str:
+    """A message of pydantic's in the words of all others; any other message as it is."""
+    for theirs, ours in _PLAIN.items():
+        if found := re.fullmatch(theirs, message, re.DOTALL):
+            return found.expand(ours)
+    return message
+
+
 def problems(
     error: ValidationError,
     what: str,
@@ -179,7 +203,7 @@ def problems(
             hint = meant(key, keys) or _with_kind(key, values)
             parts.append(f"there is no setting {key!r}{hint}")
         else:
-            parts.append((f"{key}: " if key else "") + e["msg"].removeprefix("Value error, "))
+            parts.append((f"{key}: " if key else "") + plainly(e["msg"]))
     return f"{what}: " + "; ".join(parts)
 
 

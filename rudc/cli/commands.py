@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any
 
 import typer
@@ -25,16 +26,30 @@ from rudc.cli import (
 
 
 class _Commands(TyperGroup):
-    """Says where `--import` must stand, if it was given after a command."""
+    """Says in plain words what is wrong with what was given, and where `--import` must stand."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
         try:
             return super().invoke(ctx)
-        except Exception as error:  # typer's NoSuchOption, which stands elsewhere in each of its versions
-            if getattr(error, "option_name", "") == "--import":
-                error.message += "; it must stand before the command: rudc --import FILE.py COMMAND ..."  # pyright: ignore
+        except Exception as error:  # typer's errors of usage, which stand elsewhere in each of its versions
+            if isinstance(getattr(error, "message", None), str) and hasattr(error, "ctx"):
+                error.message = _in_plain_words(error)  # pyright: ignore
             raise
+
+
+def _in_plain_words(error: Any) -> str:
+    """What an error of usage says."""
+    from rudc.settings import plainly
+
+    if getattr(error, "option_name", "") == "--import":
+        return f"{error.message}; it must stand before the command: rudc --import FILE.py COMMAND ..."
+    more = re.fullmatch(r"Got unexpected extra argument\S* \((.*)\)", error.message)
+    if more is None or error.ctx is None:
+        return plainly(error.message)
+    taken = [param for param in error.ctx.command.params if param.param_type_name == "argument"]
+    names = " and ".join(f"one {param.metavar or param.name.upper()}" for param in taken)
+    return f"`{error.ctx.command_path}` takes {names or 'options only'}; too many: {more[1]}"
 
 
 app = typer.Typer(

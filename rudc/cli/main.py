@@ -26,6 +26,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for arrays this small, more gain nothing
     try:
         try:
+            sys.argv[1:] = map(_with_home, sys.argv[1:])
             _workers_first()
             from rudc.cli.commands import app
 
@@ -50,6 +51,13 @@ def main() -> None:
             print(f"error: {error}", file=sys.stderr)
         _drop_output()
         sys.exit(1)
+
+
+def _with_home(argument: str) -> str:
+    """An argument with the home folder in the place of a `~` that the shell left, as it does in quotes and
+    behind `--out=`."""
+    option, sign, path = argument.partition("=") if argument.startswith("--") else ("", "", argument)
+    return option + sign + (os.path.expanduser(path) if path.startswith("~") else path)
 
 
 def _workers_first() -> None:

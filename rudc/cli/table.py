@@ -78,12 +78,13 @@ def table(
     from rudc.evaluation.joined import joined_rows
     from rudc.evaluation.paper import is_from_paper, tasks
     from rudc.evaluation.tables import measured, named_metrics, written
+    from rudc.evaluation.unfinished import lacking
 
     if as_json and style is not None:
         raise InputError("--json is a format of its own: give it, or --format")
     warnings: list[str] = []
     rows = joined_rows(folders, _names(by) if by else ["scenario", "agent"], warnings)
-    for text in warnings:
+    for text in (*warnings, *filter(None, map(lacking, folders))):
         warn(f"warning: {text}")
     columns = _names(by) if by else ["scenario", *rows.parameters, "agent"]
     chosen = named_metrics(_names(metrics)) if metrics else None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from rudc.cli.console import note, print_table, sweep_progress
+from rudc.cli.console import note, print_table, sweep_progress, warn
 from rudc.cli.options import cores
 from rudc.errors import InputError
 
@@ -28,6 +28,7 @@ def verify_folder(
     if not. `others`: options that were given but cannot be combined with it. Raises InputError, SweepError.
     """
     from rudc.evaluation.runner import EpisodeRunner
+    from rudc.evaluation.unfinished import lacking
     from rudc.evaluation.verify import SHARE, verify_sweep
 
     if others:
@@ -49,6 +50,8 @@ def verify_folder(
         raise typer.Exit(130) from None
     finally:
         progress.close()
+    if text := lacking(folder):
+        warn(f"warning: {text}")
     sample = f"{found.again} of {found.of} episodes of {folder} run again"
     if found.failed:
         sample += f" ({found.failed} that failed left out)"

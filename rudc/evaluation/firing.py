@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,8 +16,10 @@ from rudc.evaluation.rollout import run_episode
 from rudc.geometry import rectangle_gaps
 from rudc.hints import listed
 from rudc.network.network import load_network
+from rudc.scenario.dotted import dotted
 from rudc.scenario.triggers import awaited
 from rudc.world.events import numbered
+from rudc.world.events.conditions import each_holds
 from rudc.world.scene import Scene
 from rudc.world.world import World
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from rudc.agents.base import Decision
     from rudc.env.episode import StepResult
     from rudc.scenario.model import Scenario
+    from rudc.scenario.triggers import Trigger
 
 EARLY = "its trigger did not come true before the episode ended, with planner driving"
 """why an event does not happen of which nothing else is known"""
@@ -60,6 +63,9 @@ class Firing:
     """seed -> why it did not take effect, of each episode that it is part of and in which it did not"""
     name: str | None = None
     """its name in the file, if it has one"""
+    held: dict[int, dict[str, bool]] = field(default_factory=dict)
+    """seed -> condition of `when`, as a dotted key -> whether it ever held, of each episode in which its
+    trigger did not come true"""
 
     @property
     def fired(self) -> int:
@@ -68,7 +74,8 @@ class Firing:
 
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
-        seen = "" if self.seen == self.fired else f", and the ego meets it in {self.seen}"
+        told = (self.kind == "slippery_patch" and self.fired) or self.seen != self.fired
+        seen = f", and the ego meets it in {self.seen}" if told else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}{self._near}"
         return f"event {numbered(self.number, self)}: {happens}{rest}{seen}{self._missed}"
 
@@ -79,11 +86,25 @@ class Firing:
         for seed, reason in sorted(self.why_not.items()):
             by_reason.setdefault(reason, []).append(str(seed))
         if not self.fired and len(by_reason) == 1:
-            return f": {next(iter(by_reason))}"
+            return "".join(f": {reason}{self._conditions(reason)}" for reason in by_reason)
         return "".join(
-            f"; not with seed{'s' * (len(seeds) != 1)} {listed(seeds)}: {reason}"
+            f"; not with seed{'s' * (len(seeds) != 1)} {listed(seeds)}: {reason}{self._conditions(reason)}"
             for reason, seeds in by_reason.items()
         )
+
+    def _conditions(self, reason: str) -> str:
+        """Of episodes in which the trigger did not come true: which of its conditions held, in words."""
+        if reason != EARLY or not self.held:
+            return ""
+        told = [*self.held.values()]
+        keys = dict.fromkeys(key for held in told for key in held)
+        counts = [f"in {sum(held[key] for held in told)} of {len(told)}" for key in keys]
+        each = ", ".join(
+            f"{key} {'held ' * (not i)}{count}"
+            for i, (key, count) in enumerate(zip(keys, counts, strict=True))
+        )
+        apart = ", but not at once" if any(map(_would_do, told)) else ""
+        return f" ({each}{apart})"
 
     @property
     def _times(self) -> str:
@@ -99,6 +120,16 @@ class Firing:
         gaps = sorted(self.nearest_m.values())
         half = f" (in half of them at most {_rounded(gaps[(len(gaps) - 1) // 2])})" if len(gaps) > 2 else ""
         return f", at the nearest {_span(gaps)} m from the ego{half}" if gaps else ""
+
+
+def _would_do(held: Mapping[str, bool]) -> bool:
+    """Whether conditions that held at some time of an episode would make the trigger come true together."""
+    groups: dict[str, bool] = {}
+    for key, once in held.items():
+        group = key.rpartition(".")[0]  # `any.0` of `any.0.speed`
+        groups[group] = groups.get(group, True) and once
+    either = [once for group, once in groups.items() if group]
+    return groups.get("", True) and (not either or any(either))
 
 
 def _span(values: Collection[float]) -> str:
@@ -195,7 +226,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
             while waiting:
                 seed = waiting.popleft()
                 try:
-                    seen = _Seen(episode)
+                    seen = _Seen(episode, world)
                     record = run_episode(episode, scenario.plan(seed), agent, watch=seen.look)
                 except RudcError as error:
                     wrong.append(f"seed {seed}: {error}")
@@ -206,7 +237,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                 if record.outcome in (Outcome.OFF_ROAD, Outcome.WRONG_WAY):
                     truth = episode.truth
                     astray[seed] = Astray(truth.ego.v, float(truth.ego_s - truth.route.stop_line_s))
-                _count(found, world, seed, seen.refused)
+                _count(found, world, seed, seen)
                 for number, gap in seen.gaps.items():
                     found[number - 1].nearest_m[seed] = gap
     return Tried(found, ended, wrong, hits, astray)
@@ -216,20 +247,22 @@ class _Seen:
     """How near the ego comes, in one episode, to those on whom each event acts, whom it hits, and which
     events found nobody to act on."""
 
-    def __init__(self, episode: Episode) -> None:
-        self._episode = episode
+    def __init__(self, episode: Episode, world: World) -> None:
+        self._episode, self._world = episode, world
         self.gaps: dict[int, float] = {}
         """number of an event -> m, least gap so far"""
         self.hit: Hit | None = None
         self.refused: set[int] = set()
         """numbers of the events whose trigger has held so far, and that found nobody to act on"""
+        self.held: dict[int, dict[str, bool]] = {}
+        """number of an event that waits -> condition, as a dotted key -> whether it has held so far"""
 
     def look(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Look at the scene after a decision."""
         met = result.advance.collision
         if met:
             self.hit = Hit(met.kind.name.lower(), met.fault, met.sudden)
-        truth, world = self._episode.truth, self._episode.world
+        truth, world = self._episode.truth, self._world
         ego, gaps = truth.ego, None
         for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
             rows = [i for i, name in enumerate(truth.ids) if name in happening.bodies]
@@ -237,6 +270,8 @@ class _Seen:
                 self.hit = self.hit._replace(event=happening.event.name or f"event {number}")
             if happening.refused and not happening.no_room:
                 self.refused.add(number)
+            if happening.begun_s is None and happening.event.when is not None:
+                self._look_at_conditions(number, happening.event.when)
             if happening.begun_s is None or happening.is_over or not rows:
                 continue
             if gaps is None:
@@ -244,9 +279,16 @@ class _Seen:
                 gaps = rectangle_gaps(*body, truth.position, truth.heading, truth.size)
             self.gaps[number] = min(float(gaps[rows].min()), self.gaps.get(number, math.inf))
 
+    def _look_at_conditions(self, number: int, when: Trigger) -> None:
+        """Note which conditions held at this decision, in the scene in which the script looked at them."""
+        stage, held = self._world.stage, self.held.setdefault(number, {})
+        assert stage.scene is not None, "a decision has been made"
+        for place, now in each_holds(when, stage.scene, stage).items():
+            held[dotted(place)] = held.get(dotted(place), False) or now
 
-def _count(found: list[Firing], world: World, seed: int, refused: set[int]) -> None:
-    """Add an episode that has been driven, in which the `refused` events found nobody to act on at times."""
+
+def _count(found: list[Firing], world: World, seed: int, seen: _Seen) -> None:
+    """Add an episode that has been driven, and what was seen in it."""
     for firing in found:
         firing.episodes += 1
     unfollowed = _unfollowed(world)
@@ -257,8 +299,14 @@ def _count(found: list[Firing], world: World, seed: int, refused: set[int]) -> N
             firing.begun_s[seed] = happening.begun_s
         firing.seen += happening.visible_s is not None
         if happening.begun_s is None:
-            missed = {NO_ROOM: happening.no_room, UNFOLLOWED: number in unfollowed, NOBODY: number in refused}
+            missed = {
+                NO_ROOM: happening.no_room,
+                UNFOLLOWED: number in unfollowed,
+                NOBODY: number in seen.refused,
+            }
             firing.why_not[seed] = next((reason for reason, holds in missed.items() if holds), EARLY)
+            if firing.why_not[seed] == EARLY and number in seen.held:
+                firing.held[seed] = seen.held[number]
 
 
 def _unfollowed(world: World) -> set[int]:

@@ -8,13 +8,14 @@ file are reported at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
+from rudc.scenario.choices import Place
 from rudc.scenario.distributions import shared_in
 from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
 from rudc.scenario.drawable import sharing
@@ -31,6 +32,7 @@ Model = TypeVar("Model")
 _EVENT: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 _EGO: TypeAdapter[Ego] = TypeAdapter(Ego)
 _TRAFFIC: TypeAdapter[Traffic] = TypeAdapter(Traffic)
+_PLACE: TypeAdapter[Any] = TypeAdapter(Place)
 _NETWORK = "four_way"
 ASKED_ABOUT = ("network", "junction", "ego", "events", "traffic.from", "traffic.turns", "shared")
 """dotted keys that a fit can depend on"""
@@ -47,8 +49,10 @@ class Parts:
     junction: str | None = None
     ego: Ego | None = None
     """None where it cannot be read"""
+    arms: Mapping[str, Any] = field(default_factory=dict)
+    """`from` and `to` of the ego's route -> arm or edge, or a choice of several, of those that can be read"""
     traffic: Traffic | None = None
-    """None where it cannot be read"""
+    """without what cannot be read; None where none of it can"""
     events: dict[int, Event] = field(default_factory=dict)
     """place in the file's list -> event, of those that can be read"""
 
@@ -108,20 +112,36 @@ def readable(data: dict[str, Any]) -> Parts | None:
     given = data.get("events")
     read = ((i, _read(_EVENT, item)) for i, item in enumerate(given if isinstance(given, list) else ()))
     events = {i: event for i, event in read if event is not None}
-    ego, traffic = _read(_EGO, data.get("ego", {})), _read(_TRAFFIC, data.get("traffic", {}))
-    return Parts(network, None if junction is None else str(junction), ego, traffic, events)
+    ego = _read(_EGO, data.get("ego", {}))
+    traffic = _read(_TRAFFIC, data.get("traffic", {}), wrong_too=True)
+    arms = _arms(data.get("ego"))
+    return Parts(network, None if junction is None else str(junction), ego, arms, traffic, events)
 
 
-def _read(adapter: TypeAdapter[Model], data: Any) -> Model | None:
-    """What a mapping says, without its unknown keys; None if anything else in it is wrong."""
+def _arms(ego: Any) -> dict[str, Any]:
+    """Arms or edges that the ego's route names in a file, each by itself: other keys may be wrong."""
+    route = ego.get("route") if isinstance(ego, dict) else None
+    given = route if isinstance(route, dict) else {}
+    if "origin" in given:
+        given = {"from": given["origin"], **given}
+    read = {key: _read(_PLACE, given[key]) for key in ("from", "to") if key in given}
+    return {key: word for key, word in read.items() if word is not None}
+
+
+def _read(adapter: TypeAdapter[Model], data: Any, *, wrong_too: bool = False) -> Model | None:
+    """What a mapping says, without its unknown keys and, with `wrong_too`, without those whose values are
+    wrong; None if anything else in it is wrong.
+    """
     try:
         return adapter.validate_python(data)
     except ValidationError as error:
         if not isinstance(data, dict):
             return None
-        unknown = {detail["loc"][-1] for detail in error.errors() if detail["type"] == "extra_forbidden"}
+        found = error.errors()
+    left_out = {detail["loc"][-1] for detail in found if detail["type"] == "extra_forbidden"}
+    left_out |= {detail["loc"][0] for detail in found if wrong_too and detail["loc"]}
     try:
-        return adapter.validate_python({key: value for key, value in data.items() if key not in unknown})
+        return adapter.validate_python({key: value for key, value in data.items() if key not in left_out})
     except ValidationError:
         return None
 

@@ -6,12 +6,14 @@ one section leaves the draws of the others as they were.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import itertools
 import json
+import math
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -33,10 +35,11 @@ from pydantic_core import InitErrorDetails
 
 from rudc.errors import InputError, ScenarioError
 from rudc.hints import there_are
-from rudc.scenario.base import FileModel, Identifier, NonEmpty, checked_beside, detail, refuse
+from rudc.scenario.base import FileModel, Identifier, NonEmpty, again, detail, refuse
 from rudc.scenario.choices import with_shared
 from rudc.scenario.distributions import AnyDistribution, may_be_shared, shared_in
 from rudc.scenario.dotted import DottedKeyError, dotted, value_at, with_value
+from rudc.scenario.dotted import Path as KeyPath
 from rudc.scenario.drawable import sharing
 from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.fixed import Constant, Distribution
@@ -81,16 +84,37 @@ def _scalar(value: Any) -> Any:
 
 
 def _checked(events: Any, handler: ValidatorFunctionWrapHandler) -> tuple[Event, ...]:
-    """The events of a file: each waits at most for one before it, by whose number it then calls it."""
-    problems = list[InitErrorDetails]()
+    """The events of a file: each waits at most for one before it, by whose number it then calls it. What is
+    wrong with any of them is reported at once."""
+    problems = dict[KeyPath, InitErrorDetails]()
     if isinstance(events, list | tuple):
         events = [*_by_number(events, problems)]
-    return _of_a_vehicle(_in_order(checked_beside(problems, events, handler, "events")))
+    others = list[InitErrorDetails]()
+    try:
+        found = handler(events)
+        read = dict[int, Event](enumerate(found))
+    except ValidationError as error:
+        others = [again(known) for known in error.errors(include_url=False)]
+        found, read = (), _each_by_itself(events, handler)
+    for path, text in (*_out_of_order(read), *_of_no_vehicle(read, problems.keys())):
+        problems.setdefault(path, detail(text, path, events))
+    if others or problems:
+        raise ValidationError.from_exception_data("events", [*others, *problems.values()])
+    return found
 
 
-def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Iterator[Any]:
+def _each_by_itself(events: Any, handler: ValidatorFunctionWrapHandler) -> dict[int, Event]:
+    """Place in a file's list -> event, of those that are as they should be."""
+    read = dict[int, Event]()
+    for k, event in enumerate(events if isinstance(events, list) else ()):
+        with contextlib.suppress(ValidationError):
+            (read[k],) = handler([event])
+    return read
+
+
+def _by_number(events: Sequence[Any], problems: dict[KeyPath, InitErrorDetails]) -> Iterator[Any]:
     """The events as a file gives them, names in their conditions replaced by numbers. Adds what is wrong with
-    names to the problems."""
+    names to the problems, by its place."""
     numbers = dict[str, int]()
     read = [event if isinstance(event, dict) else {"name": getattr(event, "name", None)} for event in events]
     for k, (event, given) in enumerate(zip(events, read, strict=True)):
@@ -103,14 +127,13 @@ def _by_number(events: Sequence[Any], problems: list[InitErrorDetails]) -> Itera
                 later = [
                     i for i, other in enumerate(read) if i > k and str(other.get("name")).strip() == called
                 ]
-                problems.append(detail(_nobody_called(called, numbers, later), (k, *keys), events))
+                problems[k, *keys] = detail(_nobody_called(called, numbers, later), (k, *keys), events)
             changed, _ = with_value(changed, ".".join(map(str, keys)), numbers.get(called, 0))
         yield changed
         if isinstance(name := given.get("name"), str) and (name := name.strip()):
             if name in numbers:
-                problems.append(
-                    detail(f"events.{numbers[name]} is called {name!r}, too", (k, "name"), events)
-                )
+                text = f"events.{numbers[name]} is called {name!r}, too"
+                problems[k, "name"] = detail(text, (k, "name"), events)
             numbers[name] = k
 
 
@@ -133,41 +156,45 @@ def _nobody_called(called: str, numbers: dict[str, int], later: list[int]) -> st
     return f"no event before this one is called {called!r}{known}"
 
 
-def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
-    """The same events, each of which names only events before it."""
-    for k, event in enumerate(events):
+def _out_of_order(events: Mapping[int, Event]) -> Iterator[tuple[KeyPath, str]]:
+    """What is wrong, and where, with events that name others than those before them."""
+    for k, event in events.items():
         for where, group in (event.when.groups if event.when else {}).items():
             for key, number in named_events(group).items():
-                if number.support[1] < k:
+                if number.support[1] < k or math.isinf(number.support[1]):  # a shared one that is not sound
                     continue
                 before = f"0 to {k - 1}" if k > 1 else "only 0" if k else "there is none before the first"
-                refuse(
+                yield (
+                    (k, "when", *where, *key),
                     f"expected the number of an event before this one in the file ({before}); "
                     f"got {number.support[1]:g}",
-                    *(k, "when", *where, *key),
                 )
-    return events
 
 
-def _of_a_vehicle(events: tuple[Event, ...]) -> tuple[Event, ...]:
-    """The same events, of which each that names the `same` vehicle waits for one that takes hold of one."""
-    for k, event in enumerate(events):
-        parts: dict[tuple[str | int, ...], Any] = {("vehicle",): event}
+def _of_no_vehicle(
+    events: Mapping[int, Event], unknown: Collection[KeyPath]
+) -> Iterator[tuple[KeyPath, str]]:
+    """What is wrong, and where, with events that name the `same` vehicle: each must wait for one that takes
+    hold of one. `unknown`: where an event is named that there is not.
+    """
+    for k, event in events.items():
+        parts: dict[KeyPath, Any] = {("vehicle",): event}
         for where, group in (event.when.groups if event.when else {}).items():
             parts |= {("when", *where, name, "vehicle"): part for name, part in group.conditions.items()}
         for key in [key for key, part in parts.items() if getattr(part, "vehicle", None) == "same"]:
             state = event.when.event_state if event.when else None
             if state is None:
-                refuse(
+                yield (
+                    (k, *key),
                     "`same` is the vehicle of the event that this one waits for; add `event_state` to `when`"
                     " (not in a group of `any`)",
-                    k, *key,
-                )  # fmt: skip
-            first, last = (int(end) for end in state.event.support)
-            for i in range(first, last + 1):
-                if getattr(events[i], "vehicle", None) is None:
-                    refuse(f"events.{i}, for which this one waits, takes hold of no vehicle", k, *key)
-    return events
+                )
+            elif (k, "when", "event_state", "event") not in unknown:
+                first, last = state.event.support
+                for i in range(int(max(first, 0)), int(min(last + 1, k))):
+                    if i in events and getattr(events[i], "vehicle", None) is None:
+                        yield (k, *key), f"events.{i}, for which this one waits, takes hold of no vehicle"
+                        break
 
 
 def _content(network: Scalar) -> Scalar:

@@ -48,7 +48,9 @@ def misfits(parts: Parts) -> list[Problem]:
         network.refuse_lights()
     except NetworkError as error:
         return [Problem(("junction" if isinstance(error, JunctionError) else key,), str(error))]
-    movements, found = _movements(network, parts.ego)
+    found = _no_arms(network, parts.arms)
+    movements, wrong = ([], []) if found else _movements(network, parts.ego)
+    found += wrong
     found += _no_way(network, parts.traffic)
     for i, event in parts.events.items():
         for path, part in _placed(event, ("events", i)):
@@ -60,20 +62,25 @@ def misfits(parts: Parts) -> list[Problem]:
     return found
 
 
-def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[Problem]]:
-    """Every movement that the ego may be given, and the problems with the file's `ego` section."""
-    if ego is None:
-        return [], []
+def _no_arms(network: Network, arms: Mapping[str, Any]) -> list[Problem]:
+    """The problems with the arms or edges that the ego's route names."""
     problems = dict[Problem, None]()
-    for key, word in (("from", ego.route.origin), ("to", ego.route.to)):
+    for key, word in arms.items():
         for name in possible(word):
             try:
-                if name is not None and (key, name) != ("from", "random"):
+                if (key, name) != ("from", "random"):
                     network.arm(name)
             except NetworkError as error:
                 problems[Problem(("ego", "route", key), str(error))] = None
-    movements = dict[Movement, None]()
-    for fixed in () if problems else ego.each():
+    return [*problems]
+
+
+def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[Problem]]:
+    """Every movement that the ego may be given, and the problems with its route and its start."""
+    if ego is None:
+        return [], []
+    problems, movements = dict[Problem, None](), dict[Movement, None]()
+    for fixed in ego.each():
         try:
             movements |= dict.fromkeys(movements_of(network, fixed.plan(np.random.default_rng(0))))
         except NetworkError as error:

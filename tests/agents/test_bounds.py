@@ -123,7 +123,7 @@ def test_an_unknown_setting_may_be_another_versions(damaged, code, which):
     )
     with pytest.raises(AgentError, match=told + which):
         damaged(action={"kind": "adjustment", "pace": 2}, code=code)
-    with pytest.raises(AgentError, match=r"action\.adjustment: Input should be [^;]*$"):
+    with pytest.raises(AgentError, match=r"action\.adjustment: must be [^;]*$"):
         damaged(action={"kind": "adjustment", "adjustment": 9})
 
 

@@ -58,9 +58,9 @@ def test_a_learnt_agents_configuration_is_varied():
     ("name", "said"),
     [
         ("gap-acceptance+ttcbf:correction.d_saf=0.3", "did you mean 'correction.d_safe'"),
-        ("gap-acceptance+ttcbf:correction.d_safe=much", "correction.d_safe: Input should be a valid number"),
-        ("gap-acceptance+ttcbf:correction.d_safe=-1", "correction.d_safe: Input should be greater than"),
-        ("gap-acceptance+ttcbf:correction.constrained=some", "Input should be 'gated' or 'all'"),
+        ("gap-acceptance+ttcbf:correction.d_safe=much", "correction.d_safe: expected a number"),
+        ("gap-acceptance+ttcbf:correction.d_safe=-1", "correction.d_safe: must be at least 0"),
+        ("gap-acceptance+ttcbf:correction.constrained=some", "expected 'gated' or 'all'"),
         ("gap-acceptance+ttcbf:correction.ecbf_rate1=1", "ecbf_rate1: has no effect with rule=ttcbf"),
         ("gap-acceptance+ttcbf:correction.d_safe=1,correction.d_safe=2", "given twice"),
         ("gap-acceptance+ttcbf:correction.d_safe=[", "is not a value as in a YAML file"),

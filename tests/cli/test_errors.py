@@ -91,6 +91,48 @@ def test_wrong_usage_has_the_same_status(rudc, arguments):
     assert "Usage: rudc" in answer.err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("table", "x", "-f", "html"), "'-f': 'html' is not one of 'csv', 'markdown', 'latex'."),
+        (
+            ("table", "x", "--against", "me"),
+            "'--against': 'me' is not one of 'comparison', 'ablation', 'paper'.",
+        ),
+        (("run", "fog", "--seed", "abc"), "'--seed': expected a whole number"),
+        (("run", "fog", "--seed", "-1"), "'--seed': must be at least 0"),
+        (("scenario", "validate", "fog", "--seeds", "1.5"), "'--seeds': expected a whole number"),
+        (("sweep", "fog", "--episode-limit", "long"), "'--episode-limit': expected a number"),
+        (("search", "a", "b", "-a", "sumo", "-o", "x"), "`rudc search` takes one SCENARIO; too many: b"),
+        (("agent", "list", "b", "c"), "`rudc agent list` takes options only; too many: b c"),
+    ],
+)
+def test_wrong_usage_is_told_in_plain_words(rudc, arguments, expected):
+    answer = rudc(*arguments)
+    assert answer.status == 2
+    assert expected in " ".join(answer.err.split())
+    for theirs in ("Value error", "Input should", "argument(s)"):
+        assert theirs not in answer.err
+
+
+def test_settings_are_refused_in_plain_words(rudc):
+    answer = rudc("train", "sac", "-o", "x", "--set", "training.steps=many")
+    assert (answer.status, "training.steps: expected a whole number\n" in answer.err) == (2, True)
+
+
+@pytest.mark.parametrize("path", ["~/there", "--out=~/there"])
+def test_a_home_that_the_shell_left_is_found(rudc, tmp_path, monkeypatch, path):
+    """In quotes and behind `--out=` the shell leaves `~` as it is: it became a folder of that name."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    option = () if "=" in path else ("--out",)
+    answer = rudc("sweep", "random_destination", "-a", "follower", "-n", 1, "-w", 1, "-q", *option, path)
+    assert answer.status == 0, answer.err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["home"]
+    assert rudc("table", "~/there").status == 0
+    missing = rudc("scenario", "validate", "~/x.yaml")
+    assert f"error: {tmp_path / 'home' / 'x.yaml'}: no such file" in missing.err
+
+
 def test_all_mistakes_in_a_file_at_once_each_with_its_place(rudc, tmp_path):
     (tmp_path / "bad.yaml").write_text("name: bad\ntraffic: {densty: 3}\nevents:\n  - kind: hard_break\n")
     answer = rudc("scenario", "validate", "bad.yaml")

@@ -16,6 +16,10 @@ def test_rows_that_come_out_the_same_and_rows_that_do_not(rudc, tmp_path):
     assert "1 of 4 episodes of swept run again: 1 came out differently" in other.out
     assert "steps: 7 then, 10 now" in other.out
     assert "Nothing that manifest.json names differs here" in other.out
+    assert "finished" not in same.err + other.err
+    rows.write_text(rows.read_text().rstrip("\n").rpartition("\n")[0] + "\n")
+    fewer = rudc("sweep", "--verify", "swept", "--workers", "1")
+    assert "warning: swept is not finished: 3 of 4 episodes are there; `rudc sweep --resume" in fewer.err
 
 
 def test_what_does_not_go_with_it_is_refused(rudc):

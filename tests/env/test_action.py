@@ -54,7 +54,7 @@ def test_a_name_or_a_mapping_says_which_is_meant():
         ({"kind": "direct", "adjustment": 0.2}, "action: there is no setting 'adjustment'"),
         (
             {"kind": "adjustment", "adjustment": 0},
-            "action: adjustment: Input should be greater than or equal to 0.001",
+            "action: adjustment: must be at least 0.001",
         ),
         (3, "action: expected one of direct, adjustment"),
     ):

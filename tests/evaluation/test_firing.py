@@ -3,6 +3,7 @@
 import re
 from itertools import chain
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -10,8 +11,11 @@ from rudc.cli.commands import app
 from rudc.errors import InputError, PartFailedError
 from rudc.evaluation.firing import EARLY, NOBODY, UNFOLLOWED, Firing, drive_and_count
 from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario, shipped_scenarios
+from rudc.world.events.conditions import each_holds
 from rudc.world.props import Prop
+from rudc.world.world import World
 
 WAITING = [
     name
@@ -129,6 +133,49 @@ def test_counts_say_how_near_they_come():
 def test_where_it_never_happens_there_are_no_others():
     never = str(Firing(1, "speeding", 2, 2, why_not={0: EARLY, 1: EARLY}))
     assert never.endswith("happens in 0 of 2 episodes: " + EARLY)
+
+
+def test_conditions_that_did_not_hold_are_named():
+    """Each by itself, and whether they did not hold at once; who is picked by chance stays the same."""
+    late = {"simulation_time": {"above": 0.5}, "speed": {"above": 59}}
+    either = [{"stand_still": {"above": 9}}, {"traveled_distance": {"above": 5}}]
+    apart = {"simulation_time": {"below": 0.3}, "any": either}
+    chance = {"relative_distance": {"vehicle": "random", "below": 0.1}}
+    slippery = {"kind": "low_friction", "friction": 0.5}
+    settings = {"traffic.density": 20, "ego.speed": 8, "episode.timeout": 2}
+    events = [{**slippery, "when": when} for when in (late, apart, chance)]
+    driven = drive_and_count(load_scenario("random_destination", {**settings, "events": events}), range(2))
+    first, second, third = driven.firings
+    assert first.held == {seed: {"simulation_time": True, "speed": False} for seed in range(2)}
+    assert str(first).endswith(f": {EARLY} (simulation_time held in 2 of 2, speed in 0 of 2)")
+    assert str(second).endswith(
+        f": {EARLY} (simulation_time held in 2 of 2, any.0.stand_still in 0 of 2, any.1.traveled_distance in "
+        "2 of 2, but not at once)"
+    )
+    assert str(third).endswith(f": {EARLY} (relative_distance held in 0 of 2)")
+
+
+def test_conditions_of_a_single_episode_are_counted():
+    once = Firing(1, "fog", 1, 1, why_not={0: EARLY}, held={0: {"speed": False, "stand_still": True}})
+    assert str(once).endswith(" (speed held in 0 of 1, stand_still in 1 of 1)")
+
+
+def test_conditions_are_looked_at_without_drawing_anything():
+    when = {"relative_distance": {"vehicle": "random", "below": 0.1}}
+    slow = {"kind": "slow_vehicle", "vehicle": "random", "speed": 1, "when": when}
+    plan = load_scenario("random_destination", {"events": [slow], "traffic.density": 20}).plan(0)
+    with World(load_network("four_way")) as world:
+        world.reset(plan)
+        world.advance(np.zeros(2))
+        before = world.stage.rng.bit_generator.state
+        assert each_holds(plan.events[0].when, world.scene(), world.stage) == {("relative_distance",): False}
+        assert world.stage.rng.bit_generator.state == before
+
+
+@pytest.mark.parametrize(("fired", "seen", "said"), [(2, 2, "2"), (2, 0, "0"), (0, 0, "")])
+def test_whether_the_ego_comes_onto_a_slippery_patch_is_always_said(fired, seen, said):
+    text = str(Firing(1, "slippery_patch", 2, 2, seen, in_the_first(fired)))
+    assert text.endswith(f", and the ego meets it in {said}" if said else "of 2 episodes")
 
 
 def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):

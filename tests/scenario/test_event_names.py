@@ -60,6 +60,32 @@ def test_every_problem_with_names_and_what_else_is_wrong(problems):
     )
 
 
+def test_every_mistake_about_the_same_vehicle_is_told_at_once_beside_all_others(problems):
+    found = problems("""
+        name: wrong
+        events:
+          - {kind: low_friction, friction: 0.5, name: ice}
+          - {kind: hard_brake, vehicle: same, when: {event_state: {event: ice}}}
+          - {kind: hard_brake, vehicle: same}
+          - {kind: hard_brake, when: {event_state: {event: 3}}}
+          - {kind: hard_brake, vehicle: same, when: {event_state: {event: 7}}}
+          - {kind: hard_brake, deceleration: hard}
+          - {kind: hard_brake, vehicle: same, when: {event_state: {event: 5}}}
+          - {kind: hard_brake, when: {any: [{speed: {vehicle: same, above: 1}}]}}
+        ego: {distance: far}
+        """)
+    check(
+        found,
+        "4:...: events.1.vehicle: events.0, for which this one waits, takes hold of no vehicle",
+        "5:...: events.2.vehicle: `same` is the vehicle of the event that this one waits for; ...",
+        "6:...: events.3.when.event_state.event: expected the number of ... (0 to 2); got 3",
+        "7:...: events.4.when.event_state.event: expected the number of ... (0 to 3); got 7",
+        "8:...: events.5.deceleration: expected a number in m/s2...",
+        "10:...: events.7.when.any.0.speed.vehicle: `same` is the vehicle of the event that this one ...",
+        "11:...: ego.distance: expected a number in m...",
+    )
+
+
 @pytest.mark.parametrize(
     ("events", "said"),
     [

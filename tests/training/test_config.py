@@ -75,7 +75,7 @@ def test_presets_hold_nothing_that_nobody_knows():
     ("algorithm", "wrong", "said"),
     [
         ("sac2", {}, r"no algorithm 'sac2' \(did you mean 'sac'"),
-        ("rudc-t", {"training.envs": 0}, "training.envs: .*greater than or equal to 1"),
+        ("rudc-t", {"training.envs": 0}, "training.envs: must be at least 1"),
         ("rudc-wo-cbf", {"correction.slack.gain": 1.0}, "no setting 'correction.slack.gain'"),
         ("sac", {"training.seed": 2**63}, "training.seed: .*less than 9223372036854775808"),
         ("rudc-t", {"learner.seed": 1}, r"did you mean 'training\.seed'"),
@@ -102,7 +102,7 @@ def test_presets_hold_nothing_that_nobody_knows():
         ("rudc-t", {"": 1}, "dotted key"),
         ("rudc-t", {"algorithm": "sac"}, "training: sets algorithm to 'sac', but 'rudc-t' is to be trained"),
         ("rudc-t", {"training.evaluate_on": []}, "training.evaluate_on: .* at least 1 item"),
-        ("rudc-t", {"learner.actor_rate": [-1e-3, 1e-5]}, "learner.actor_rate.0: .*greater than or equal"),
+        ("rudc-t", {"learner.actor_rate": [-1e-3, 1e-5]}, "learner.actor_rate.0: must be at least 0"),
         ("sac", {"learner.critic_rate": [1e-3, math.nan]}, "learner.critic_rate.1: .*finite"),
         ("rudc-t", {"learner.value_scale": math.inf}, "learner.value_scale: .*finite"),
         ("rudc-t", {"learner.log_std": [-math.inf, 1.0]}, "learner.log_std.0: .*finite"),

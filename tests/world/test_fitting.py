@@ -75,6 +75,29 @@ def test_together_with_all_other_problems_each_in_its_place(problems):
     )
 
 
+@pytest.mark.parametrize(
+    ("section", "told"),
+    [
+        (
+            "ego: {route: {from: souht, turn: leftt}}",
+            ["ego.route.from: no arm 'souht'", "ego.route.turn: exp"],
+        ),
+        (
+            "ego: {route: {from: souht, to: est}, distance: far}",
+            ["ego.route.from", "ego.route.to", "ego.dist"],
+        ),
+        ("ego: {route: {from: {choice: [souht, north]}, turn: 3}}", ["ego.route.from", "ego.route.turn"]),
+        ("ego: {route: {from: random, turn: leftt}, distance: 900}", ["ego.route.turn"]),
+        ("traffic: {density: lots, from: {souht: 1}}", ["traffic.density", "traffic.from.souht: no arm"]),
+        ("traffic: {turns: {leftt: 1}, from: {souht: 1}}", ["traffic.from.souht", "traffic.turns"]),
+    ],
+)
+def test_arms_are_looked_up_beside_what_else_is_wrong_in_the_same_section(problems, section, told):
+    found = sorted(line.partition(": ")[2] for line in problems(f"name: a\n{section}\n"))
+    assert len(found) == len(told), found
+    assert all(line.startswith(start) for line, start in zip(found, sorted(told), strict=True)), found
+
+
 def test_each_lane_and_arm_that_may_be_drawn_must_fit(problems):
     found = problems("""
         name: wrong

@@ -152,6 +152,7 @@ def test_what_is_wrong_is_said_at_its_place(problems):
         "3:58: events.0.when.relative_distance.event: no event before this one is called 'bed': events.2 is, "
         "and it must stand before this one",
         "4:51: events.1.when.relative_distance.event: takes the place of `vehicle`; give one of them",
+        "5:58: events.2.when.relative_distance.event: expected the number of ... (0 to 1); got 2",
         "6:48: events.3.when.speed.vehicle: expected one of ... (did you mean 'leader'?)",
     )
 

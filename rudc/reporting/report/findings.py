@@ -10,6 +10,7 @@ from rudc.evaluation.columns import METRICS
 from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.tables import cell
 from rudc.evaluation.text import rate_decimals
+from rudc.evaluation.unfinished import Asked
 from rudc.hints import listed
 from rudc.reporting.report.episodes import Episodes
 
@@ -25,39 +26,55 @@ _SELDOM = 0.5
 
 
 def findings(
-    episodes: Episodes, agents: Sequence[Group], data: Mapping[str, Any], total: int | None
+    episodes: Episodes, agents: Sequence[Group], data: Mapping[str, Any], wanted: Asked | None
 ) -> list[str]:
     """Sentences, the most important first. `agents`: metrics of each agent over all scenarios; `data`: the
-    page's.
+    page's; `wanted`: what the sweep has when it is finished, if that is known.
     """
-    comparable, where = _comparable(episodes, agents)
+    so_far = wanted is not None and len(episodes.rows) < wanted.episodes
+    comparable, where = _comparable(episodes, agents, so_far)
     ranked = sorted(comparable, key=lambda g: -g.metrics["SR"].mean)
-    said = [_size(episodes, total)]
+    said = [_size_so_far(episodes, wanted) if so_far and wanted else _size(episodes)]
     if ranked:
         said += _best(ranked, where, episodes, data)
-        said += _hard(ranked[0].key[0], data)
+        said += _hard(ranked[0].key[0], data, so_far)
     elif any(group.episodes for group in agents):
         said.append("The agents have finished none of the same episodes yet, so they are not ranked.")
-    return [*said, *_events(data)]
+    return [*said, *_events(data, so_far)]
 
 
-def _size(episodes: Episodes, total: int | None) -> str:
-    n, failed = len(episodes.rows), int((~episodes.done).sum())
+def _size(episodes: Episodes) -> str:
     seeds = len({row["seed"] for row in episodes.rows})
-    parts = [
-        _counted(len(episodes.scenarios), "scenario"),
-        _counted(len(episodes.agents), "agent"),
-        _counted(seeds, "seed"),
-    ]
-    there = f"{n} of {total} episodes so far" if total is not None and n < total else _counted(n, "episode")
-    swept = f", swept over {', '.join(episodes.parameters)}" if episodes.parameters else ""
-    errors = f"; {failed} could not be run" if failed else ""
-    return f"{there}: {' × '.join(parts)}{swept}{errors}."
+    size = _product(len(episodes.scenarios), len(episodes.agents), seeds, episodes.parameters)
+    return f"{_counted(len(episodes.rows), 'episode')}: {size}{_errors(episodes)}."
 
 
-def _comparable(episodes: Episodes, agents: Sequence[Group]) -> tuple[Sequence[Group], str]:
+def _size_so_far(episodes: Episodes, wanted: Asked) -> str:
+    """Of an unfinished sweep: what was asked for, and of what there is nothing yet."""
+    size = _product(len(wanted.scenarios), len(wanted.agents), len(wanted.seeds), wanted.swept)
+    said = f"{len(episodes.rows)} of {wanted.episodes} episodes so far, of {size}{_errors(episodes)}"
+    for what, names, begun in (
+        ("scenario", wanted.scenarios, episodes.scenarios),
+        ("agent", wanted.agents, episodes.agents),
+    ):
+        if none := [name for name in names if name not in begun]:
+            said += f"; none yet of the {what}{'s' * (len(none) > 1)} {listed(none, _LISTED)}"
+    return f"{said}."
+
+
+def _product(scenarios: int, agents: int, seeds: int, swept: Sequence[str]) -> str:
+    parts = (_counted(scenarios, "scenario"), _counted(agents, "agent"), _counted(seeds, "seed"))
+    return " × ".join(parts) + (f", swept over {', '.join(swept)}" if swept else "")
+
+
+def _errors(episodes: Episodes) -> str:
+    failed = int((~episodes.done).sum())
+    return f"; {failed} could not be run" if failed else ""
+
+
+def _comparable(episodes: Episodes, agents: Sequence[Group], so_far: bool) -> tuple[Sequence[Group], str]:
     """Metrics of each agent that finished any, over the episodes that all of these finished; and which those
-    are, in words.
+    are, in words. `so_far`: whether the sweep is not finished.
     """
     there = [group for group in agents if group.episodes]
     known = {group.key[0] for group in there}
@@ -66,7 +83,7 @@ def _comparable(episodes: Episodes, agents: Sequence[Group]) -> tuple[Sequence[G
     times = Counter(keys)
     shared = [row for row, key in zip(rows, keys, strict=True) if times[key] == len(there)]
     if len(shared) == len(rows):
-        return there, "over all scenarios"
+        return there, "over all episodes so far" if so_far else "over all scenarios"
     each = _counted(len(shared) // len(there), "episode")
     return group_metrics(shared, ("agent",), METRICS), f"in the {each} that all finished"
 
@@ -108,7 +125,7 @@ def _against(first: int, other: int, data: Mapping[str, Any]) -> str:
     return f"{'; '.join(parts)} (n = {max(value[0] for value in values)})"
 
 
-def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:
+def _hard(agent: str, data: Mapping[str, Any], so_far: bool) -> list[str]:
     """Where the best agent succeeds least."""
     if len(data["scenarios"]) < 2:
         return []
@@ -120,7 +137,8 @@ def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:
     ]
     hard = [f"{name} ({_rate(rate)} %)" for rate, name in sorted(known)[:_NAMED] if rate < 100.0]
     if not hard:
-        driven = "every scenario" if len(known) == len(data["scenarios"]) else "all scenarios that it drove"
+        everywhere = len(known) == len(data["scenarios"]) and not so_far
+        driven = "every scenario" if everywhere else "all scenarios that it drove"
         return [f"{agent} succeeds in every episode of {driven}."]
     return [f"The hardest scenarios for {agent}, by SR: {', '.join(hard)}."]
 
@@ -129,7 +147,7 @@ def _rate(percent: float) -> str:
     return f"{percent:.{rate_decimals(percent)}f}"
 
 
-def _events(data: Mapping[str, Any]) -> list[str]:
+def _events(data: Mapping[str, Any], so_far: bool) -> list[str]:
     """Scenarios whose events seldom happen: there the episodes are ordinary ones."""
     seldom, all_known = [], bool(data["events"])
     for entry in data["events"]:
@@ -140,7 +158,8 @@ def _events(data: Mapping[str, Any]) -> list[str]:
             seldom.append(f"{data['scenarios'][entry['scenario']]} ({100 * some / known:.0f} %)")
     if seldom:
         return [f"In fewer than half of the episodes anything scripted happened: {listed(seldom, _LISTED)}."]
-    return ["In every scenario with events, they happened in at least half of the episodes."] * all_known
+    them = "every scenario with events" + " that was driven so far" * so_far
+    return [f"In {them}, they happened in at least half of the episodes."] * all_known
 
 
 def _counted(n: int, name: str) -> str:

@@ -16,6 +16,7 @@ from rudc.evaluation.manifest import read_manifest, version_changes
 from rudc.evaluation.metrics import Group, group_metrics, in_order
 from rudc.evaluation.statistics import NORMAL_FROM, STUDENT_BELOW
 from rudc.evaluation.tables import best_of, cell, heading
+from rudc.evaluation.unfinished import asked
 from rudc.imports import rudc_command
 from rudc.reporting.report.densities import densities
 from rudc.reporting.report.episodes import (
@@ -70,11 +71,11 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
         "worst": worst_lines(episodes, made),
         "replays": REPLAYS,
     }
-    total = expected(configuration)
+    wanted = asked(configuration)
     by_agent = next(groups for table, groups in tables if table["by"] == ["agent"])
     return {
         "data": data,
-        "findings": findings(episodes, by_agent, data, total),
+        "findings": findings(episodes, by_agent, data, wanted),
         "rudc": rudc,
         "source": shlex.quote(str(folder)),
         "data_agents": len(episodes.agents),
@@ -86,20 +87,11 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
         "student_below": STUDENT_BELOW,
         "normal_from": NORMAL_FROM,
         "errors": error_kinds(episodes),
-        "setup": _setup(folder, known, scenarios),
+        "setup": _setup(known, scenarios),
+        "there": len(rows),
+        "of": wanted.episodes if wanted else len(rows),
         "lacking": lacking,
     }
-
-
-def expected(configuration: Mapping[str, Any]) -> int | None:
-    """How many episodes the sweep has when it is finished; None where that is not known."""
-    if not configuration:
-        return None
-    points = (
-        math.prod(len(values) for values in entry["values"].get("sweep", {}).values())
-        for entry in configuration["scenarios"].values()
-    )
-    return sum(points) * len(configuration["agents"]) * configuration["episodes"]
 
 
 def _groupings(episodes: Episodes) -> list[tuple[str, ...]]:
@@ -154,9 +146,7 @@ def _heat(groups: Sequence[Group], episodes: Episodes) -> dict[str, list[list[_C
     return found
 
 
-def _setup(
-    folder: Path, known: Mapping[str, Any], scenarios: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Any]:
+def _setup(known: Mapping[str, Any], scenarios: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """What the rows were made from, as text."""
     if not known:
         return {}

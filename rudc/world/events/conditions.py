@@ -10,6 +10,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_gaps
+from rudc.scenario.dotted import Path
 from rudc.scenario.events import EVENT_KINDS
 from rudc.scenario.triggers import awaited
 from rudc.world.events.selection import pick
@@ -32,6 +33,20 @@ def holds(trigger: Trigger, scene: Scene, stage: WorldStage) -> bool:
         return all(_CONDITIONS[name](condition, scene, stage, trigger) for name, condition in named)
 
     return together(trigger) and (trigger.any is None or any(map(together, trigger.any)))
+
+
+def each_holds(trigger: Trigger, scene: Scene, stage: WorldStage) -> dict[Path, bool]:
+    """Where each condition of a trigger stands in `when` -> whether it holds in this scene, by itself. The
+    episode's numbers by chance stay as they are.
+    """
+    drawn = stage.rng.bit_generator.state
+    found = {
+        (*place, name): _CONDITIONS[name](condition, scene, stage, trigger)
+        for place, group in trigger.groups.items()
+        for name, condition in group.conditions.items()
+    }
+    stage.rng.bit_generator.state = drawn
+    return found
 
 
 def _simulation_time(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:

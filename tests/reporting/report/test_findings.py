@@ -4,6 +4,7 @@ import pytest
 
 from rudc.evaluation.columns import COLUMNS, METRICS
 from rudc.evaluation.metrics import group_metrics
+from rudc.evaluation.unfinished import Asked
 from rudc.reporting.report.episodes import Episodes, event_counts
 from rudc.reporting.report.findings import findings
 from rudc.reporting.report.pairs import differences
@@ -86,7 +87,12 @@ def test_agents_are_ranked_by_the_episodes_that_all_finished():
     def ranking(rows):
         told = Episodes.of(rows, ())
         data = {"scenarios": ["s"], "agents": told.agents, "events": [], "pairs": differences(told)}
-        return findings(told, group_metrics(rows, ("agent",), METRICS), data, 40)[1:]
+        return findings(
+            told,
+            group_metrics(rows, ("agent",), METRICS),
+            data,
+            Asked(("s", "t"), ("a", "b"), range(10), 40, ()),
+        )[1:]
 
     assert ranking(rows)[0] == (
         "a, b succeed equally often in the 10 episodes that all finished, none more often: SR 100.0 %."

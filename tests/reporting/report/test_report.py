@@ -266,7 +266,7 @@ def test_an_unfinished_sweep_says_so(folder, tmp_path):
     lines = (folder / "episodes.csv").read_text().splitlines(keepends=True)
     (part / "episodes.csv").write_text("".join(lines[:31]) + lines[31][:20])
     text = report_page(part, part / "report.html", live=True)
-    assert "30 of 480 episodes so far: " in text
+    assert "30 of 480 episodes so far, of " in text
     assert 'id="fresh"' in text
     (part / "episodes.csv").write_text(lines[0])
     with pytest.raises(SweepError, match="no finished episode yet"):
