@@ -12,9 +12,10 @@ estimate is the model with the least J. An ordinary car (no dead time, no lag, a
 until another model is better by SURE, so that there are no false alarms. Models that the drive so far does
 not tell apart have the same J; of these the one nearest to an ordinary car is taken, so that nothing is
 claimed that was not seen. Friction shows only where a command asks for more than the road gives, which is why
-the agents now and then brake fully for a moment (rudc/agents/probe.py). A friction that only bends show
-stands for those between it and the next lower one, too (`weigh_bank`): else a friction between two of the
-bank's would look like a lag, with which the wheels stay where they are as well.
+the agents now and then brake fully for a moment (rudc/agents/probe.py). In bends a friction stands for those
+between it and the next lower one, too (`weigh_bank`), if it is one that only bends show, or if the road is
+known to limit: else a friction between two of the bank's would look like a lag, with which the wheels stay
+where they are as well.
 
 The paper leaves this to future work (Sec. "Conclusion": input-constrained barrier functions).
 """
@@ -76,6 +77,10 @@ _SIZES = np.array([[len(each) for each in part] for part in BANK])
 """(P, 3) how many dead times, lags and frictions each part has"""
 _DELAYS, _LAGS, _FRICTIONS = (np.concatenate(each) for each in zip(*BANK, strict=True))
 """those of all parts, one after the other"""
+SLIPPERIEST = 0.6
+"""of the least friction, the share down to which it stands for lower ones"""
+_PROMPT = int(np.count_nonzero(BANK[0].lags <= 0.15))
+"""how many of the lags are so short that a friction with them stands for lower ones, too"""
 _LIMITS = np.minimum(_FRICTIONS, DRY) * GRAVITY
 """m/s2, what the frictions give"""
 ACCELERATION_STD, STEERING_STD = 0.25, 0.005
@@ -130,11 +135,13 @@ class PlantMonitor:
         self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
         full, limit = -vehicle.a_min, _LIMITS[: _SIZES[0, 2]]
-        lower = np.append(np.maximum(limit[1:], full), full)
-        self._between = np.zeros_like(_LIMITS)
-        self._between[: len(limit)] = np.where(limit > full, 0.5 - 0.5 * lower / limit, 0.0)
-        """half the distance from each friction to the next lower one, or to what full braking asks for if
-        that is nearer, as a share; 0 where braking tells, and for long dead times, with few frictions"""
+        lower = np.append(limit[1:], SLIPPERIEST * limit[-1])
+        only_bends = np.maximum(lower, np.minimum(full, limit))
+        self._between = np.zeros((2, len(_LIMITS)))
+        self._between[:, : len(limit)] = 0.5 - 0.5 * np.stack([only_bends, lower]) / limit
+        """half the distance from each friction to the next lower one, as a share; 0 for long dead times, with
+        few frictions. As long as the road is not known to limit (first row), at most to what full braking
+        asks for: below that braking tells"""
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
         """whether the time between two decisions is known"""
@@ -176,10 +183,11 @@ class PlantMonitor:
         missing = int(_DELAYS[-1]) + substeps - len(self._given)
         if missing > 0:
             self._given = np.append(self._given, np.zeros((missing, 2)), axis=0)
+        limited = not math.isinf(self._friction[self._believed])
         counts, forget = float(STANDING < after.v < body.v_max - 0.1), FORGET ** (passed_s / DECISION_S)
         weigh_bank(
-            self._cost, self._given, _SIZES, _DELAYS, self._keep, _LIMITS, self._between,
-            complex(*within_limits(body, a, delta)), complex(before.acceleration, before.steering),
+            self._cost, self._given, _SIZES, _DELAYS, self._keep, _LIMITS, self._between[int(limited)],
+            _PROMPT, complex(*within_limits(body, a, delta)), complex(before.acceleration, before.steering),
             complex(after.acceleration, after.steering), complex(ACCELERATION_STD, STEERING_STD), substeps,
             before.v, after.v, body.cg_to_rear, body.cg_to_rear / body.wheelbase, counts, forget, CUT, WORST,
         )  # fmt: skip
