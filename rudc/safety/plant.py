@@ -37,8 +37,8 @@ from rudc.world.scene import EgoState
 DECISION_S = 0.1
 """s between two decisions (the paper: 10 Hz), as long as no two have been seen"""
 SUBSTEP_S = 0.05
-"""s, the step with which the models are driven, or the shortest above it that divides a decision evenly; dead
-times are multiples of it
+"""s, the step with which the models are driven, or the shortest above it that divides a decision evenly, or a
+decision if that is shorter. Dead times are multiples of the step, of several steps if it is shorter than this
 """
 ROUNDED = 1e-6
 """a number of steps that is this much below a whole one was rounded"""
@@ -50,7 +50,7 @@ class Part(NamedTuple):
     """A part of the bank: the models of all combinations."""
 
     delays: Index
-    """(D,) sub-steps, dead times"""
+    """(D,) dead times, in sub-steps of SUBSTEP_S or more"""
     lags: Array
     """(L,) s"""
     frictions: Array
@@ -131,7 +131,7 @@ class PlantMonitor:
         self._delay, self._lag, self._friction = (
             np.concatenate([cube.ravel() for cube in each]) for each in zip(*cubes, strict=True)
         )
-        """(M,) sub-steps, s and coefficients of friction of the models"""
+        """(M,) dead times (in units as the bank's), s and coefficients of friction of the models"""
         self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
         full, limit = -vehicle.a_min, _LIMITS[: _SIZES[0, 2]]
@@ -172,7 +172,11 @@ class PlantMonitor:
         """s, the step with which the models are driven"""
         self._keep = np.exp(-substep_s / np.maximum(_LAGS, 1e-9))
         """share of the difference from a command that is left after a step"""
-        self._given: Array = np.zeros((max(int(_DELAYS[-1]), math.ceil(LONGEST_S / substep_s)), 2))
+        self._apart = max(math.ceil(SUBSTEP_S / substep_s - ROUNDED), 1)
+        """sub-steps from one of the bank's dead times to the next"""
+        self._delays = self._apart * _DELAYS
+        """sub-steps, the dead times of all parts of the bank"""
+        self._given: Array = np.zeros((max(int(self._delays[-1]), math.ceil(LONGEST_S / substep_s)), 2))
         """m/s2, rad, commands of the last sub-steps, newest first"""
 
     def _compare(self, before: EgoState, a: float, delta: float, after: EgoState, passed_s: float) -> None:
@@ -180,13 +184,13 @@ class PlantMonitor:
         compare them with the state that was read after it.
         """
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
-        missing = int(_DELAYS[-1]) + substeps - len(self._given)
+        missing = int(self._delays[-1]) + substeps - len(self._given)
         if missing > 0:
             self._given = np.append(self._given, np.zeros((missing, 2)), axis=0)
         limited = not math.isinf(self._friction[self._believed])
         counts, forget = float(STANDING < after.v < body.v_max - 0.1), FORGET ** (passed_s / DECISION_S)
         weigh_bank(
-            self._cost, self._given, _SIZES, _DELAYS, self._keep, _LIMITS, self._between[int(limited)],
+            self._cost, self._given, _SIZES, self._delays, self._keep, _LIMITS, self._between[int(limited)],
             _PROMPT, complex(*within_limits(body, a, delta)), complex(before.acceleration, before.steering),
             complex(after.acceleration, after.steering), complex(ACCELERATION_STD, STEERING_STD), substeps,
             before.v, after.v, body.cg_to_rear, body.cg_to_rear / body.wheelbase, counts, forget, CUT, WORST,
@@ -200,9 +204,8 @@ class PlantMonitor:
         if i == self._nominal:
             return ORDINARY
         mu = None if math.isinf(self._friction[i]) else float(self._friction[i])
-        return PlantEstimate(
-            Actuation(float(self._delay[i] * self.substep_s), float(self._lag[i]), mu), unusual=True
-        )
+        delay_s = float(self._apart * self._delay[i] * self.substep_s)
+        return PlantEstimate(Actuation(delay_s, float(self._lag[i]), mu), unusual=True)
 
     def pending(self, delay_s: float) -> list[tuple[float, float]]:
         """Commands (m/s2, rad) of the last `delay_s` s, LONGEST_S at most, oldest first, one for each

@@ -115,6 +115,21 @@ def test_long_dead_times_are_known_however_short_a_step_is():
     assert found.friction is None
 
 
+@pytest.mark.parametrize("decision_s", [0.01, 0.02, 0.04])
+def test_long_dead_times_are_known_however_short_a_decision_is(decision_s):
+    """The bank of 40 steps, a decision each, ended at 0.4 s, 0.8 s and 1.6 s."""
+    plant, monitor, rng = EgoPlant(BODY), PlantMonitor(BODY), np.random.default_rng(0)
+    plant.reset(0.0, 0.0, 0.0, 6.0, Actuation(delay_s=1.8))
+    monitor.update(plant.state, (0.0, 0.0), decision_s)
+    for k in range(round(8.0 / decision_s)):
+        if k % 5 == 0:
+            u = rng.normal(0.0, 1.0), rng.normal(0.0, 0.04)
+        plant.step(*u, decision_s)
+        found = monitor.update(plant.state, u, decision_s).actuation
+    assert found.delay_s == pytest.approx(1.8, abs=0.081)
+    assert found.friction is None
+
+
 def test_a_car_that_changes_on_the_way_is_noticed():
     plant, monitor = EgoPlant(BODY), PlantMonitor(BODY)
     plant.reset(0.0, 0.0, 0.0, 10.0)
