@@ -26,6 +26,7 @@ from rudc.safety.config import FilterConfig
 from rudc.safety.slack import Slack
 from rudc.safety.vehicles import VehicleSettings
 from rudc.scenario import find_scenarios, shipped_scenarios
+from rudc.vehicle import EgoVehicle
 from rudc.world.world import World
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def barrier() -> str:
     a, b = 2.5, 0.9 + settings.width_margin
     bodies.position[:], bodies.velocity[:], bodies.direction[:] = (x + 1j * y).ravel(), 0.0, heading
     bodies.mode[:], bodies.margin[:] = 1.0, settings.d_safe
-    axes_of = ((settings.half_length, settings.half_width), (a, b))
+    axes_of = (settings.axes(EgoVehicle()), (a, b))
     for row, (length, width) in enumerate(axes_of):
         bodies.short[row], bodies.stretch[row] = width**2 + EPSILON, length**2 - width**2
     h = clearance_terms(0j, 1 + 0j, 0.0, 2.7, bodies).h.reshape(x.shape)

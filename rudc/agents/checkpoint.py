@@ -30,6 +30,9 @@ SHIPPED = "results/checkpoints"
 LATEST = "checkpoint"
 """subfolder of a training's folder that holds its latest checkpoint"""
 
+OF_THE_CAR = {"half_length": 2.5, "half_width": 1.0}
+"""the ego's ellipse in files from before it followed the vehicle: that of a car of 5 x 1.8 m"""
+
 
 class Learnt(NamedTuple):
     """A learnt agent as stored."""
@@ -92,7 +95,9 @@ def load_learnt(folder: Path) -> Learnt:
     """Read an agent. Raises AgentError."""
     stored = load_checkpoint(folder)
     settings = dict(stored.settings)
-    training = settings.pop("training")
+    training, correction = settings.pop("training"), settings["correction"]
+    if isinstance(correction, dict) and OF_THE_CAR.items() <= correction.items():
+        settings["correction"] = {k: v for k, v in correction.items() if k not in OF_THE_CAR}
     try:
         config = AgentConfig.model_validate(settings)
     except ValidationError as error:

@@ -9,6 +9,7 @@ Others. They follow their own paths, under two hypotheses each:
     braking  it keeps its present deceleration until it stands (constant speed if it has none)
 In units v0 and v0 / a, the free road has one solution for all, u' = 1 - u^4 and y' = u, tabulated once:
     s(t) = v0^2 / a (y(tau + a t / v0) - y(tau)),     u(tau) = v / v0.
+Cars have their centre on their path; vehicles longer than 6 m have both ends on it, as SUMO moves them.
 Whoever has no path (obstacles, pedestrians, wrong-way drivers) goes straight ahead, braking as it does now.
 
 Those that cannot matter are left out: on paths that come nowhere within 2.2 m of the ego's, past the place

@@ -20,6 +20,11 @@ from rudc.network.network import Network, Route
 from rudc.network.paths import SPACING
 from rudc.vehicle import EgoVehicle
 
+LONG = 6.0
+"""m, of vehicles longer than this the tables know that both ends are on the way, as SUMO moves them; cars
+have their centre on it, as the shipped agents have learnt it
+"""
+
 
 class RouteTables:
     """Tables of one route of one network; gap tables are added when a size of vehicle is first seen."""
@@ -85,6 +90,9 @@ class RouteTables:
         paths, path = self.network.paths, self.route.path
         count = int(paths.length[row] / SPACING) + 1
         xy, heading = paths.xy[row, :count], paths.heading[row, :count]
+        if size[0] > LONG:
+            at: Array = SPACING * np.arange(count, dtype=np.float64)
+            xy, heading = paths.body_pose(np.full(count, row), at, float(size[0]))
         gaps = gaps_at(
             path.xy, path.heading, body.length, body.width,
             xy, heading, np.broadcast_to(size, (count, 2)), FARTHEST,

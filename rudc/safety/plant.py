@@ -12,9 +12,10 @@ estimate is the model with the least J. An ordinary car (no dead time, no lag, a
 until another model is better by SURE, so that there are no false alarms. Models that the drive so far does
 not tell apart have the same J; of these the one nearest to an ordinary car is taken, so that nothing is
 claimed that was not seen. Friction shows only where a command asks for more than the road gives, which is why
-the agents now and then brake fully for a moment (rudc/agents/probe.py). A friction that only bends show
-stands for those between it and the next lower one, too (`weigh_bank`): else a friction between two of the
-bank's would look like a lag, with which the wheels stay where they are as well.
+the agents now and then brake fully for a moment (rudc/agents/probe.py). In bends a friction stands for those
+between it and the next lower one, too (`weigh_bank`), if it is one that only bends show, or if the road is
+known to limit: else a friction between two of the bank's would look like a lag, with which the wheels stay
+where they are as well.
 
 The paper leaves this to future work (Sec. "Conclusion": input-constrained barrier functions).
 """
@@ -36,8 +37,8 @@ from rudc.world.scene import EgoState
 DECISION_S = 0.1
 """s between two decisions (the paper: 10 Hz), as long as no two have been seen"""
 SUBSTEP_S = 0.05
-"""s, the step with which the models are driven, or the shortest above it that divides a decision evenly; dead
-times are multiples of it
+"""s, the step with which the models are driven, or the shortest above it that divides a decision evenly, or a
+decision if that is shorter. Dead times are multiples of the step, of several steps if it is shorter than this
 """
 ROUNDED = 1e-6
 """a number of steps that is this much below a whole one was rounded"""
@@ -49,7 +50,7 @@ class Part(NamedTuple):
     """A part of the bank: the models of all combinations."""
 
     delays: Index
-    """(D,) sub-steps, dead times"""
+    """(D,) dead times, in sub-steps of SUBSTEP_S or more"""
     lags: Array
     """(L,) s"""
     frictions: Array
@@ -76,6 +77,10 @@ _SIZES = np.array([[len(each) for each in part] for part in BANK])
 """(P, 3) how many dead times, lags and frictions each part has"""
 _DELAYS, _LAGS, _FRICTIONS = (np.concatenate(each) for each in zip(*BANK, strict=True))
 """those of all parts, one after the other"""
+SLIPPERIEST = 0.6
+"""of the least friction, the share down to which it stands for lower ones"""
+_PROMPT = int(np.count_nonzero(BANK[0].lags <= 0.15))
+"""how many of the lags are so short that a friction with them stands for lower ones, too"""
 _LIMITS = np.minimum(_FRICTIONS, DRY) * GRAVITY
 """m/s2, what the frictions give"""
 ACCELERATION_STD, STEERING_STD = 0.25, 0.005
@@ -126,15 +131,17 @@ class PlantMonitor:
         self._delay, self._lag, self._friction = (
             np.concatenate([cube.ravel() for cube in each]) for each in zip(*cubes, strict=True)
         )
-        """(M,) sub-steps, s and coefficients of friction of the models"""
+        """(M,) dead times (in units as the bank's), s and coefficients of friction of the models"""
         self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
         full, limit = -vehicle.a_min, _LIMITS[: _SIZES[0, 2]]
-        lower = np.append(np.maximum(limit[1:], full), full)
-        self._between = np.zeros_like(_LIMITS)
-        self._between[: len(limit)] = np.where(limit > full, 0.5 - 0.5 * lower / limit, 0.0)
-        """half the distance from each friction to the next lower one, or to what full braking asks for if
-        that is nearer, as a share; 0 where braking tells, and for long dead times, with few frictions"""
+        lower = np.append(limit[1:], SLIPPERIEST * limit[-1])
+        only_bends = np.maximum(lower, np.minimum(full, limit))
+        self._between = np.zeros((2, len(_LIMITS)))
+        self._between[:, : len(limit)] = 0.5 - 0.5 * np.stack([only_bends, lower]) / limit
+        """half the distance from each friction to the next lower one, as a share; 0 for long dead times, with
+        few frictions. As long as the road is not known to limit (first row), at most to what full braking
+        asks for: below that braking tells"""
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
         """whether the time between two decisions is known"""
@@ -165,7 +172,11 @@ class PlantMonitor:
         """s, the step with which the models are driven"""
         self._keep = np.exp(-substep_s / np.maximum(_LAGS, 1e-9))
         """share of the difference from a command that is left after a step"""
-        self._given: Array = np.zeros((max(int(_DELAYS[-1]), math.ceil(LONGEST_S / substep_s)), 2))
+        self._apart = max(math.ceil(SUBSTEP_S / substep_s - ROUNDED), 1)
+        """sub-steps from one of the bank's dead times to the next"""
+        self._delays = self._apart * _DELAYS
+        """sub-steps, the dead times of all parts of the bank"""
+        self._given: Array = np.zeros((max(int(self._delays[-1]), math.ceil(LONGEST_S / substep_s)), 2))
         """m/s2, rad, commands of the last sub-steps, newest first"""
 
     def _compare(self, before: EgoState, a: float, delta: float, after: EgoState, passed_s: float) -> None:
@@ -173,13 +184,14 @@ class PlantMonitor:
         compare them with the state that was read after it.
         """
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
-        missing = int(_DELAYS[-1]) + substeps - len(self._given)
+        missing = int(self._delays[-1]) + substeps - len(self._given)
         if missing > 0:
             self._given = np.append(self._given, np.zeros((missing, 2)), axis=0)
+        limited = not math.isinf(self._friction[self._believed])
         counts, forget = float(STANDING < after.v < body.v_max - 0.1), FORGET ** (passed_s / DECISION_S)
         weigh_bank(
-            self._cost, self._given, _SIZES, _DELAYS, self._keep, _LIMITS, self._between,
-            complex(*within_limits(body, a, delta)), complex(before.acceleration, before.steering),
+            self._cost, self._given, _SIZES, self._delays, self._keep, _LIMITS, self._between[int(limited)],
+            _PROMPT, complex(*within_limits(body, a, delta)), complex(before.acceleration, before.steering),
             complex(after.acceleration, after.steering), complex(ACCELERATION_STD, STEERING_STD), substeps,
             before.v, after.v, body.cg_to_rear, body.cg_to_rear / body.wheelbase, counts, forget, CUT, WORST,
         )  # fmt: skip
@@ -192,9 +204,8 @@ class PlantMonitor:
         if i == self._nominal:
             return ORDINARY
         mu = None if math.isinf(self._friction[i]) else float(self._friction[i])
-        return PlantEstimate(
-            Actuation(float(self._delay[i] * self.substep_s), float(self._lag[i]), mu), unusual=True
-        )
+        delay_s = float(self._apart * self._delay[i] * self.substep_s)
+        return PlantEstimate(Actuation(delay_s, float(self._lag[i]), mu), unusual=True)
 
     def pending(self, delay_s: float) -> list[tuple[float, float]]:
         """Commands (m/s2, rad) of the last `delay_s` s, LONGEST_S at most, oldest first, one for each

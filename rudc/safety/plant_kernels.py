@@ -47,9 +47,9 @@ def within_friction(a: float, across: float, limit: float) -> float:
 
 @kernel
 def weigh_part(
-    cost: NewCube, given: Table, delays: Rows, keep: Vector, limit: Vector, between: Vector, now: complex,
-    read: complex, std: complex, substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
-    counts: float, forget: float, cut: float,
+    cost: NewCube, given: Table, delays: Rows, keep: Vector, limit: Vector, between: Vector, prompt: int,
+    now: complex, read: complex, std: complex, substeps: int, v: float, v_after: float, cg_to_rear: float,
+    ratio: float, counts: float, forget: float, cut: float,
 ) -> float:  # fmt: skip
     """`weigh_bank` for a part of the bank, whose J are `cost` (D, L, F); returns the least of them. The
     innermost loops are short and plain, so that compiled code can process several models at a time.
@@ -97,10 +97,10 @@ def weigh_part(
                     row = wanted[i, kind, d]
                     for f in range(frictions):
                         now_off[f] = row[f] + (now_off[f] - row[f]) * left
-            if limited:
+            if limited and k < prompt:
                 for f in range(frictions):
                     if unsure[f]:
-                        off[0, f] /= 1.0 + abs(read.real / std.real + off[0, f])
+                        off[0, f] = max(abs(off[0, f]) - abs(read.real / std.real + off[0, f]), 0.0)
                         off[1, f] /= 1.0 + between[f] * abs(read.imag / std.imag + off[1, f])
             for f in range(frictions):
                 more = counts * min(off[0, f] ** 2, cut) + min(off[1, f] ** 2, cut)
@@ -113,8 +113,9 @@ def weigh_part(
 @kernel
 def weigh_bank(
     cost: NewVector, given: NewTable, sizes: NewRowTable, delays: Rows, keep: Vector, limit: Vector,
-    between: Vector, command: complex, now: complex, read: complex, std: complex, substeps: int, v: float,
-    v_after: float, cg_to_rear: float, ratio: float, counts: float, forget: float, cut: float, worst: float,
+    between: Vector, prompt: int, command: complex, now: complex, read: complex, std: complex, substeps: int,
+    v: float, v_after: float, cg_to_rear: float, ratio: float, counts: float, forget: float, cut: float,
+    worst: float,
 ) -> int:  # fmt: skip
     """Update `cost`, the J of all models, with a reading after some sub-steps of a command; their least is 0
     then, their largest `worst` at most. Returns 0. The command is put first in `given`, the commands of each
@@ -123,9 +124,9 @@ def weigh_bank(
     `now`: acceleration and front-wheel angle that were read before, a + i delta; `read`: those that were
     read after these sub-steps; meanwhile the speed went from v to v_after m/s. `std`: the sizes of the errors
     of what is read; `counts`: 1 if the acceleration counts, else 0. Where the road may limit the angle, since
-    its friction may lie between two of the bank's, the acceleration a and angle delta of a model count as far
-    off, in errors of size std, as they are in errors of size std + |a| and std + `between` |delta|, since an
-    angle at the limit may leave the brakes anything up to a.
+    its friction may lie between two of the bank's, the angle delta of a model with one of the first `prompt`
+    lags counts as far off, in errors of size std, as it is in errors of size std + `between` |delta|, and its
+    acceleration a as |a| less than it is, since an angle at the limit may leave the brakes anything up to a.
 
     `sizes`: (P, 3) numbers D, L and F of dead times, lags and frictions of each part of the bank, whose
     models are all combinations of them; what follows is one after the other for all parts. `delays`: (D,)
@@ -141,8 +142,8 @@ def weigh_bank(
         last = first + dead * lags * frictions
         of_part = weigh_part(
             cost[first:last].reshape((dead, lags, frictions)), given, delays[d : d + dead],
-            keep[k : k + lags], limit[f : f + frictions], between[f : f + frictions], now, read, std,
-            substeps, v, v_after, cg_to_rear, ratio, counts, forget, cut,
+            keep[k : k + lags], limit[f : f + frictions], between[f : f + frictions], prompt, now,
+            read, std, substeps, v, v_after, cg_to_rear, ratio, counts, forget, cut,
         )  # fmt: skip
         least, first, d, k, f = min(least, of_part), last, d + dead, k + lags, f + frictions
     for m in range(len(cost)):

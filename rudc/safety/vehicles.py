@@ -1,5 +1,6 @@
 """The barrier towards vehicles, pedestrians and obstacles. Each is an ellipse that moves at its present
-velocity; the half axes are half its length, and half its width plus a margin.
+velocity, and so is the ego; the half axes are half the length, and half the width plus a margin. An ellipse
+does not cover the body's corners: h < 0 is sure where bodies of 0.7 times the size would overlap.
 
 Of all of them, or of those that the gate lets through (see gating.py), the nearest twelve are constrained
 unless settings say otherwise.
@@ -20,6 +21,7 @@ from rudc.safety.gating import Gate
 from rudc.safety.residual_kernels import vehicle_features
 from rudc.safety.rules import NotNegative, Positive
 from rudc.settings import within
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
 FAR = "farther than that no other road user matters"
@@ -34,12 +36,12 @@ class VehicleSettings(BarrierSettings):
     paper"""
     d_safe: Annotated[NotNegative, within(0, 20, FAR)] = 0.5
     """m, safety buffer added to the support radii of ego and vehicle"""
-    half_length: Annotated[Positive, within(0.1, 20, BODY)] = 2.5
-    """m, half axis a of the ego's ellipse; that of others is half their length"""
-    half_width: Annotated[Positive, within(0.1, 20, BODY)] = 1.0
-    """m, half axis b of the ego's ellipse"""
+    half_length: Annotated[Positive | None, within(0.1, 20, BODY)] = None
+    """m, half axis a of the ego's ellipse; null for half its length, as for others"""
+    half_width: Annotated[Positive | None, within(0.1, 20, BODY)] = None
+    """m, half axis b of the ego's ellipse; null for half its width plus `width_margin`, as for others"""
     width_margin: Annotated[NotNegative, within(0, 20, FAR)] = 0.1
-    """m, added to half the width of others to give their half axis b (ours)"""
+    """m, added to half the width of a vehicle to give its half axis b (ours)"""
     max_vehicles: Annotated[int | None, within(0, 1000, "null is all there are")] = 12
     """how many vehicles, pedestrians and obstacles are constrained at most, the nearest first (ours);
     null for all of them, as in the paper
@@ -50,6 +52,14 @@ class VehicleSettings(BarrierSettings):
     """s, how far ahead the gate predicts (ours)"""
     gate_step: Annotated[Positive, within(0.01, 60, "each instant looked at takes memory and time")] = 0.2
     """s, time between the instants that the gate checks (ours)"""
+
+    def axes(self, vehicle: EgoVehicle) -> tuple[float, float]:
+        """m, half axes a and b of the ego's ellipse."""
+        a, b = self.half_length, self.half_width
+        return (
+            0.5 * vehicle.length if a is None else a,
+            0.5 * vehicle.width + self.width_margin if b is None else b,
+        )
 
     def without_effect(self) -> dict[str, str]:
         """The gate's settings, where all are constrained."""
@@ -111,7 +121,7 @@ class VehicleBarrier(Clearance):
         second.
         """
         settings = self.settings
-        return ellipses(scene.size, settings.half_length, settings.half_width, settings.width_margin, EPSILON)
+        return ellipses(scene.size, *settings.axes(scene.vehicle), settings.width_margin, EPSILON)
 
     def _chosen(self, scene: Scene, short: Array, stretch: Array) -> Index:
         """Indices of the others to be constrained, nearest first."""

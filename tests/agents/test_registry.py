@@ -14,6 +14,7 @@ from rudc.agents.registry import agent_names, agent_settings, agent_summary, mak
 from rudc.errors import AgentError
 from rudc.network.network import load_network
 from rudc.safety.rules import RULES, Ttcbf
+from rudc.vehicle import EgoVehicle
 from tests.agents.conftest import Other
 
 
@@ -126,6 +127,16 @@ def test_shipped_agents_carry_the_residual_predictor_of_their_own_actions(name):
     assert carried.keys() == wanted.keys()
     for key, array in wanted.items():
         np.testing.assert_array_equal(carried[key], array)
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in shipped_checkpoints() if n.startswith(("rudc-t", "rudc-e", "only"))]
+)
+def test_the_ellipse_of_shipped_agents_follows_the_vehicle(name):
+    """Their files name the half axes of the car that they were trained with."""
+    of_vehicles = load_learnt(shipped_checkpoints()[name]).config.correction.barriers["vehicle"]
+    assert of_vehicles.axes(EgoVehicle()) == (2.5, 1.0)
+    assert of_vehicles.axes(EgoVehicle(length=12.0, width=2.5)) == (6.0, 1.35)
 
 
 @pytest.mark.parametrize(

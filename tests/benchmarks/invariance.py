@@ -85,7 +85,7 @@ def barriers(config: FilterConfig, scene: Scene, place: Complex, psi: Array, t: 
     def radius(a: float | Array, b: float | Array, theta: Array) -> Array:
         return np.sqrt((a * np.cos(theta)) ** 2 + (b * np.sin(theta)) ** 2 + 1e-6)
 
-    rho_e = radius(of_vehicles.half_length, of_vehicles.half_width, phi - psi[:, None])
+    rho_e = radius(*of_vehicles.axes(scene.vehicle), phi - psi[:, None])
     rho_o = radius(
         0.5 * scene.size[:, 0], 0.5 * scene.size[:, 1] + of_vehicles.width_margin, phi - scene.heading
     )

@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rudc.geometry import rectangle_gaps
 from rudc.network.network import load_network
 from rudc.safety.barrier_kernels import on_edges
 from rudc.safety.constraints import ConstraintBuilder, Constraints
-from rudc.safety.filter import FilterConfig
+from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.road_points import RoadPoints
+from rudc.safety.vehicles import VehicleSettings
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
@@ -38,6 +40,55 @@ def test_ellipses_and_margins() -> None:
     assert found.bodies.short[:, 0] + found.bodies.stretch[:, 0] == pytest.approx([2.5**2, 5.0**2], abs=2e-6)
     assert found.bodies.margin == pytest.approx([0.5] + [0.9 + 0.2] * 6)
     assert found.mode.tolist() == [1, 0, 0, 0, 0, 0, 0]
+
+
+CAR, BUS, SMALL, WIDE = (
+    EgoVehicle(),
+    EgoVehicle(length=12.0, width=2.55, wheelbase=6.0, cg_to_rear=3.0, delta_max=0.7),
+    EgoVehicle(length=3.6, width=1.5, wheelbase=2.2, cg_to_rear=1.1),
+    EgoVehicle(length=8.0, width=3.2, wheelbase=5.0, cg_to_rear=2.0),
+)
+
+
+@pytest.mark.parametrize("vehicle", [CAR, BUS, SMALL, WIDE])
+@pytest.mark.parametrize("size", [(5.0, 1.8), (12.0, 2.5), (2.0, 0.8), (0.5, 0.5)])
+def test_h_is_negative_where_bodies_overlap_whatever_vehicle_the_ego_is(vehicle, size) -> None:
+    """The ego's ellipse was that of a car of 5 m; h was 24 m2 while a bus stood over half of another car.
+    Ellipses leave corners out, so bodies of 0.7 times the size are looked at."""
+    rng, met = np.random.default_rng(0), 0
+    reach = 0.5 * (vehicle.length + size[0])
+    for x, y, heading in zip(*rng.uniform(-reach, reach, (2, 60)), rng.uniform(-3.1, 3.1, 60), strict=True):
+        scene = make_scene([Other(x, y, heading, 3.0, *size)], vehicle=vehicle)
+        gap = rectangle_gaps(
+            0.0, 0.0, 0.0, 0.7 * vehicle.length, 0.7 * vehicle.width,
+            scene.position, scene.heading, 0.7 * scene.size,
+        )  # fmt: skip
+        if gap[0] <= 0.0:
+            met += 1
+            assert SafetyFilter(FilterConfig(constrained="all")).filter(scene, np.zeros(2)).h[0] < 0.0
+    assert met >= 4
+
+
+@pytest.mark.parametrize(("v", "behind"), [(4.0, 10.0), (8.0, 14.0), (6.0, 14.0), (4.0, 14.0), (8.0, 10.0)])
+def test_the_gate_knows_how_long_the_ego_is(v: float, behind: float) -> None:
+    """A car that would drive into the rear third of a bus was not constrained."""
+    crossing = Other(0.0, -behind, math.pi / 2, 6.0, row=0, s=100.0 - behind)
+    least = min(
+        rectangle_gaps(
+            -2.0 + v * t, 0.0, 0.0, BUS.length, BUS.width, np.array([[0.0, 6.0 * t - behind]]),
+            np.array([math.pi / 2]), np.array([[5.0, 1.8]]),
+        )[0]
+        for t in np.arange(0.0, 3.0, 0.05)
+    )  # fmt: skip
+    there = vehicles(make_scene([crossing], x=-2.0, v=v, vehicle=BUS))
+    assert there == ({"sv0"} if least <= 0.0 else set())
+
+
+def test_an_ellipse_that_is_set_is_that_of_any_vehicle() -> None:
+    given = VehicleSettings(half_length=4.0, half_width=1.5)
+    assert given.axes(CAR) == given.axes(BUS) == (4.0, 1.5)
+    assert VehicleSettings().axes(CAR) == (2.5, 1.0)
+    assert VehicleSettings(width_margin=0.3).axes(BUS) == (6.0, pytest.approx(1.575))
 
 
 def test_the_nearest_twelve() -> None:

@@ -115,6 +115,21 @@ def test_long_dead_times_are_known_however_short_a_step_is():
     assert found.friction is None
 
 
+@pytest.mark.parametrize("decision_s", [0.01, 0.02, 0.04])
+def test_long_dead_times_are_known_however_short_a_decision_is(decision_s):
+    """The bank of 40 steps, a decision each, ended at 0.4 s, 0.8 s and 1.6 s."""
+    plant, monitor, rng = EgoPlant(BODY), PlantMonitor(BODY), np.random.default_rng(0)
+    plant.reset(0.0, 0.0, 0.0, 6.0, Actuation(delay_s=1.8))
+    monitor.update(plant.state, (0.0, 0.0), decision_s)
+    for k in range(round(8.0 / decision_s)):
+        if k % 5 == 0:
+            u = rng.normal(0.0, 1.0), rng.normal(0.0, 0.04)
+        plant.step(*u, decision_s)
+        found = monitor.update(plant.state, u, decision_s).actuation
+    assert found.delay_s == pytest.approx(1.8, abs=0.081)
+    assert found.friction is None
+
+
 def test_a_car_that_changes_on_the_way_is_noticed():
     plant, monitor = EgoPlant(BODY), PlantMonitor(BODY)
     plant.reset(0.0, 0.0, 0.0, 10.0)
@@ -170,6 +185,39 @@ def test_a_wet_road_that_only_bends_show_is_not_taken_for_a_late_car(friction):
     for actuation in found[20:]:
         assert (actuation.delay_s, actuation.lag_s) == (0.0, 0.0)
         assert actuation.friction == pytest.approx(friction, rel=0.08)
+
+
+def in_bends(actuation: Actuation, noise: float, seed: int = 0):
+    """Estimates of all decisions of a drive through bends, in which the car brakes fully at first."""
+    rng, plant, monitor, found = np.random.default_rng(seed), EgoPlant(BODY), PlantMonitor(BODY), []
+    plant.reset(0.0, 0.0, 0.0, 9.0, actuation)
+    monitor.update(plant.state, (0.0, 0.0))
+    for k in range(90):
+        u = 1.5 * np.sin(0.3 * k) + rng.normal(0.0, 0.3), 0.3 * np.sin(0.12 * k)
+        if BRAKES_AT <= k < BRAKES_AT + PULSE:
+            u = BODY.a_min, u[1]
+        for _ in range(2):
+            plant.step(*u, 0.05)
+        read = replace(plant.state, acceleration=plant.state.acceleration + rng.normal(0.0, noise))
+        found.append(monitor.update(read, u).actuation)
+    return found
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.15])
+@pytest.mark.parametrize("friction", [0.13, 0.25, 0.33, 0.41, 0.43, 0.51])
+def test_ice_that_braking_has_shown_is_not_forgotten_in_bends(friction, noise):
+    """A friction between two of the bank's was taken for a car with slow actuators on a dry road."""
+    for actuation in in_bends(Actuation(friction=friction), noise)[BRAKES_AT + PULSE :]:
+        assert actuation.friction == pytest.approx(friction, rel=0.2)
+        assert actuation.delay_s + actuation.lag_s <= 0.1
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("lag", [0.5, 0.8])
+def test_a_late_car_with_noisy_readings_is_not_thought_to_be_on_a_wet_road(delay, lag):
+    """Noise counted for less beside a friction that bends show, so that one was found with a long lag."""
+    for seed in range(4):
+        assert {each.friction for each in in_bends(Actuation(delay, lag), 0.15, seed)[40:]} == {None}
 
 
 def test_commands_on_their_way_are_those_given_within_the_dead_time():
