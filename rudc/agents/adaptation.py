@@ -133,7 +133,8 @@ class Adaptation:
             return scene
         grip, body = USABLE * self.estimate.grip, scene.vehicle
         limited = replace(body, a_min=max(body.a_min, -grip), a_max=min(body.a_max, grip))
-        return replace(self._ahead(scene), vehicle=limited, lag_s=self.estimate.actuation.lag_s)
+        known = {"lag_s": self.estimate.actuation.lag_s, "grip": self.estimate.grip}
+        return replace(self._ahead(scene), vehicle=limited, **known)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) m/s2 and rad, the command `u` (2,) within its bounds; `scene` as `see` showed it.

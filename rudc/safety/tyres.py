@@ -2,7 +2,7 @@
 and brake with what is left of the grip.
 
 While it stops, the ego steers no harder than STEERS of the grip. On a dry road full braking is left beside
-that, on a poor one, where `vehicle.a_min` is USABLE of the grip (rudc/agents/adaptation.py), less.
+that, on a poor one (`Scene.grip`) less.
 """
 
 from __future__ import annotations
@@ -76,10 +76,6 @@ class Tyres(NamedTuple):
 
 
 def tyres_of(scene: Scene) -> Tyres:
-    """The tyres of a scene's ego. Where its `vehicle` brakes less hard than the network's, that says how well
-    the road grips; else it is dry.
-    """
-    body = scene.vehicle
-    poor = body.a_min > scene.network.vehicle.a_min
-    grip = -body.a_min / USABLE if poor else DRY * GRAVITY
+    """The tyres of a scene's ego; where nothing is known of the road, it is dry."""
+    body, grip = scene.vehicle, min(scene.grip, DRY * GRAVITY)
     return Tyres(body, grip, min(-body.a_min, USABLE * grip))

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, PrivateAttr, model_validator
 from pydantic_core import CoreSchema, core_schema
 
 from rudc.scenario.base import FileModel, Identifier, Number, parts_of, refuse, with_parts
-from rudc.scenario.drawable import Drawable, refuse_no_place, shared_number
+from rudc.scenario.drawable import Drawable, places_of, shared_number
 
 
 class ChoiceParameters(FileModel, frozen=True):
@@ -82,17 +82,28 @@ class WordChoice(Drawable, frozen=True):
     shared: Identifier | None = None
     """name of the shared number that says which, 0 the first; by default each is drawn by itself"""
 
+    _places: tuple[int, ...] = PrivateAttr(default=())
+    """those in the list that the shared number may say"""
+
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.shared is not None:
             self.choice.refuse_weights()
-            refuse_no_place(self.shared, shared_number(self.shared), len(self.choice.values))
+            # A frozen model's private attributes may be set all the same.
+            self._places = places_of(  # pyright: ignore[reportAttributeAccessIssue]
+                self.shared, shared_number(self.shared), len(self.choice.values)
+            )
         return self
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Places in the list that the shared number may say; none where none says."""
+        return self._places
 
     @property
     def possible(self) -> tuple[str, ...]:
         """Every word that may be drawn."""
-        return self.choice.possible
+        return tuple(self.choice.values[i] for i in self._places) or self.choice.possible
 
     def drawn(self, rng: np.random.Generator) -> str:
         """Draw one word."""
@@ -127,9 +138,9 @@ def possible(word: Any) -> tuple[Any, ...]:
 def possible_together(*words: Any) -> list[tuple[Any, ...]]:
     """Every combination of words that may be drawn: those that name the same shared number go together."""
     choices = [word for word in words if isinstance(word, WordChoice)]
-    shared = {word.shared: len(word.choice.values) for word in choices if word.shared is not None}
+    shared = {word.shared: word.places for word in choices if word.shared is not None and word.places}
     found = dict[tuple[Any, ...], None]()
-    for places in itertools.product(*map(range, shared.values())):
+    for places in itertools.product(*shared.values()):
         at = dict(zip(shared, places, strict=True))
         told = [with_shared(word, at) for word in words]
         found |= dict.fromkeys(itertools.product(*map(possible, told)))
@@ -149,7 +160,7 @@ def with_shared(value: Any, numbers: Mapping[str, float]) -> Any:
     """The same word, model, or tuple, list or dict of them, with the word that a shared number says in the
     place of each `WordChoice` that names one; `numbers`: name -> value.
     """
-    if isinstance(value, WordChoice) and value.shared is not None:
+    if isinstance(value, WordChoice) and value.shared is not None and value.shared in numbers:
         return value.choice.values[int(numbers[value.shared])]
     if isinstance(value, Drawable):
         return value

@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.scenario.base import FileModel, Number, refuse, with_parts
 from rudc.scenario.choices import ChoiceParameters
-from rudc.scenario.drawable import Drawable, refuse_no_place
+from rudc.scenario.drawable import Drawable, places_of
 from rudc.scenario.fixed import Constant, Distribution
 from rudc.scenario.shared import Shared, SharedNumber
 
@@ -200,7 +200,7 @@ class SharedChoice(Shared, frozen=True):
     @model_validator(mode="after")
     def _check(self) -> Self:
         self.choice.refuse_weights()
-        refuse_no_place(self.shared, self.number, len(self.choice.values))
+        places_of(self.shared, self.number, len(self.choice.values))
         return self
 
     def of(self, value: float) -> float:

@@ -53,10 +53,12 @@ def shared_number(name: str) -> Drawable | None:
     return known[name]
 
 
-def refuse_no_place(name: str, number: Drawable | None, count: int) -> None:
-    """Refuse a shared number that cannot say which of `count` values is meant, 0 the first."""
+def places_of(name: str, number: Drawable | None, count: int) -> tuple[int, ...]:
+    """Which of `count` values a shared number may say, 0 the first; none if it is wrong itself. Refuses one
+    that cannot say any.
+    """
     if number is None:
-        return
+        return ()
     places = number.possible
     if places is None or any(place not in range(count) for place in places):
         given = "" if places is None else f"; it may be {', '.join(f'{place:g}' for place in places)}"
@@ -65,3 +67,4 @@ def refuse_no_place(name: str, number: Drawable | None, count: int) -> None:
             f"0 to {count - 1}, or a {{choice: [...]}} of such{given}",
             "shared",
         )
+    return tuple(dict.fromkeys(map(int, places)))

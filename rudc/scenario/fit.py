@@ -8,7 +8,7 @@ file are reported at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -20,6 +20,7 @@ from rudc.scenario.distributions import shared_in
 from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
 from rudc.scenario.drawable import sharing
 from rudc.scenario.events import AnyEvent, Event
+from rudc.scenario.fixed import Constant
 from rudc.scenario.model import GRID_LIMIT
 from rudc.scenario.networks import existing_network
 from rudc.scenario.problems import Problem
@@ -76,9 +77,7 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
                 point, paths[key] = with_value(point, key, axes[key][i])
         except DottedKeyError:  # one swept value leaves no place for another: `sweep_reports` says so
             continue
-        with sharing(shared_in(point)):
-            parts = readable(point)
-        for problem in fit(parts) if parts is not None else ():
+        for problem in dict.fromkeys(_misfits(point, fit)):
             found.setdefault(problem, []).append(choice)
     for problems in _by_path(found):
         # A problem at every point is reported once, even if its words differ from network to network.
@@ -91,6 +90,20 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
         for report in _placed(sheet, problem, where, choices, paths)
     ]
     return list(dict.fromkeys(reports))
+
+
+def _misfits(point: dict[str, Any], fit: Fit) -> Iterator[Problem]:
+    """What does not fit, for each combination of the values that shared numbers may have, ASKED at most: what
+    one number says goes together. Parts that name a shared number that is wrong itself are left out.
+    """
+    known = {name: number for name, number in shared_in(point).items() if number is not None}
+    values = {name: number.possible for name, number in known.items() if number.possible}
+    for places in spread([len(of) for of in values.values()], ASKED):
+        fixed = {name: Constant(value=of[i]) for (name, of), i in zip(values.items(), places, strict=True)}
+        with sharing({**known, **fixed}):
+            parts = readable(point)
+        if parts is not None:
+            yield from fit(parts)
 
 
 def _by_path(problems: Iterable[Problem]) -> list[list[Problem]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -22,7 +23,6 @@ from rudc.scenario.choices import AnyEgoTurn, Place, possible_together
 from rudc.scenario.distributions import (
     AnyDistribution,
     Bounds,
-    Choice,
     Constant,
     Distribution,
     Normal,
@@ -32,6 +32,7 @@ from rudc.scenario.distributions import (
 )
 from rudc.scenario.events.event import Speed
 from rudc.scenario.plan import EgoPlan, TrafficPlan
+from rudc.scenario.shared import Shared
 
 Share = Annotated[AnyDistribution, Bounds(0, 1e6)]
 
@@ -146,7 +147,7 @@ def _refuse_nothing(shares: Mapping[str, Distribution], example: str) -> None:
     """Refuse shares that are all 0, or that can all be drawn as 0."""
     if all(share.support[1] == 0 for share in shares.values()):
         refuse(f"one share at least must be above 0, as in {example}")
-    if all(map(may_be_zero, shares.values())):
+    if _may_all_be_zero(shares.values()):
         refuse(
             "all shares can be drawn as 0 in the same episode; one at least must always be above 0 "
             "(episodes without traffic: `density: {choice: [0, 20]}`)"
@@ -157,8 +158,23 @@ def may_be_zero(share: Distribution) -> bool:
     """Whether a share can be drawn as 0: 0 itself, or a choice with 0 in it. A number from a range is taken
     to be above 0.
     """
-    low, high = share.support
-    return low == 0 and (isinstance(share, Choice) or high == 0)
+    return 0.0 in (share.possible or share.support[1:])
+
+
+def _may_all_be_zero(shares: Collection[Distribution]) -> bool:
+    """Whether all shares can be drawn as 0 at once. Those that a shared number says go together."""
+    said = {share.shared: share.number for share in shares if isinstance(share, Shared)}
+    listed = {name: number.possible for name, number in said.items() if number and number.possible}
+    for values in itertools.product(*listed.values()):
+        at = dict(zip(listed, values, strict=True))
+        if all(
+            share.of(at[share.shared]) == 0.0
+            if isinstance(share, Shared) and share.shared in at
+            else may_be_zero(share)
+            for share in shares
+        ):
+            return True
+    return False
 
 
 def _drawn(key: str, shares: Mapping[str, Distribution], rng: np.random.Generator) -> dict[str, float]:

@@ -226,8 +226,11 @@ def standing_parts(event: Event) -> dict[tuple[str, int], Any]:
 
 
 def _played(network: Network, route: Route, i: int, event: Event) -> _Site | None:
-    """A stage on which an event has begun; None if some of it is drawn, or a place does not exist."""
-    if not _is_placed(event):
+    """A stage on which an event has begun; None if some of it is drawn, or for which event it waits, or if a
+    place does not exist.
+    """
+    state = event.when.event_state if event.when else None
+    if not _is_placed(event) or (state is not None and not isinstance(state.event, Constant)):
         return None
     site = _Site(network, route)
     try:

@@ -133,6 +133,8 @@ class Scene:
     """s, first-order time constant with which the ego's brakes follow a command, as far as its driver knows;
     0 where it is not known
     """
+    grip: float = math.inf
+    """m/s2, most that the ego's tyres give, as far as its driver knows; inf where nothing is known"""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, since the world goes on using those that it gives to agents."""

@@ -16,7 +16,7 @@ from rudc.safety.prediction import following
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant, EgoState
 from rudc.world.scene import Scene
-from tests.safety.scenes import CROSSING, Network, Other, Paths, Road, make_scene, straight_road
+from tests.safety.scenes import Network, Other, Paths, Road, make_scene, straight_road
 
 SIZES = {"car": (5.0, 1.8), "bus": (12.0, 2.5), "lorry": (16.5, 2.55)}
 FILTERS = {"ttcbf": FilterConfig(road=False), "no rows": FilterConfig(max_vehicles=0, road=False)}
@@ -109,8 +109,7 @@ def test_before_a_bend_it_can_stop_along_its_road_for_those_who_move(turned: flo
     oncoming = Other(15.6 * math.sin(turned), 15.6 * math.cos(turned) - 12.0, math.pi - turned, 0.6)
     leader = Other(12.0 * math.sin(1.15), 12.0 * math.cos(1.15) - 12.0, -1.15, 0.6)
     judge, weak = LastResort(FILTERS["no rows"]), EgoVehicle(a_min=-3.0)
-    network = replace(CROSSING, vehicle=weak)  # on a dry road
     for road, brakes in ((bend(12.0), False), (straight_road(), True)):
-        scene = make_scene([oncoming, leader], x=-2.0, v=7.0, route=road, network=network, vehicle=weak)
+        scene = make_scene([oncoming, leader], x=-2.0, v=7.0, route=road, vehicle=weak)
         instead = judge.instead_of(scene, np.array([1.0, 0.0]))
         assert (instead is not None and not instead.onwards) is brakes

@@ -22,7 +22,7 @@ def least_gap(scene, u, friction):
     hard as the last resort holds it."""
     plant, body = EgoPlant(scene.vehicle), scene.vehicle
     plant.reset(scene.ego.x, scene.ego.y, scene.ego.psi, scene.ego.v, Actuation(friction=friction))
-    tyres, gaps, command, hardest = tyres_of(scene), [], u, EgoVehicle().a_min
+    tyres, gaps, command, hardest = tyres_of(scene), [], u, scene.vehicle.a_min
     for k in range(200):
         for _ in range(2):
             plant.step(float(command[0]), float(command[1]), 0.5 * DT)
@@ -39,16 +39,18 @@ def least_gap(scene, u, friction):
     raise AssertionError("it never stands")
 
 
-@pytest.mark.parametrize("friction", [None, 0.5, 0.25])
-def test_a_stop_that_is_possible_is_possible(friction):
+@pytest.mark.parametrize("a_min", [-6.0, -3.0])
+@pytest.mark.parametrize("friction", [None, 0.8, 0.7, 0.5, 0.25])
+def test_a_stop_that_is_possible_is_possible(friction, a_min):
     """One steered into a bend at 15 m/s was taken to brake fully, and did not brake at all."""
     rng, judge = np.random.default_rng(5), LastResort(FilterConfig())
-    vehicle = EgoVehicle() if friction is None else EgoVehicle(a_min=-USABLE * friction * GRAVITY)
+    grip = math.inf if friction is None else friction * GRAVITY
+    vehicle = EgoVehicle(a_min=max(a_min, -USABLE * grip))
     possible = steered = 0
     for _ in range(600):
         places = rng.uniform(2.0, 30.0), rng.uniform(-6.0, 6.0), rng.uniform(-3.0, 3.0)
         body = Other(*places, 0.0, rng.choice([1.8, 5.0, 12.0]), rng.choice([0.4, 1.8, 2.5]))
-        scene = make_scene([body], v=rng.uniform(3.0, 15.0), vehicle=vehicle)
+        scene = make_scene([body], v=rng.uniform(3.0, 15.0), vehicle=vehicle, grip=grip)
         u = np.array([rng.uniform(vehicle.a_min, 3.0), rng.uniform(-0.3, 0.3)])
         if judge.instead_of(scene, u) is not None:
             continue
@@ -84,7 +86,7 @@ def test_on_a_dry_road_full_braking_is_left_beside_the_hardest_steering_of_a_sto
 
 
 def test_on_a_poor_road_steering_takes_its_share():
-    tyres = tyres_of(make_scene(vehicle=EgoVehicle(a_min=-USABLE * 2.0)))
+    tyres = tyres_of(make_scene(vehicle=EgoVehicle(a_min=-USABLE * 2.0), grip=2.0))
     assert tyres.grip == pytest.approx(2.0)
     assert tyres.beside(0.0, 8.0) == pytest.approx(1.8)
     assert (

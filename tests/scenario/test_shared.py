@@ -1,6 +1,7 @@
 """`shared`: numbers that are drawn once an episode and stand in several places."""
 
 import json
+from textwrap import dedent
 
 import numpy as np
 import pytest
@@ -217,6 +218,84 @@ def test_what_cannot_say_which_value_is_refused(problems):
         "8:81: events.4.at.choice.weights: has no effect beside `shared`, whose number says which value it "
         "is",
     )
+
+
+def fitted(tmp_path, text):
+    """The scenario of a file, checked with its network."""
+    file = tmp_path / "given.yaml"
+    file.write_text("name: given\n" + dedent(text))
+    return load_scenario(str(file), None, misfits)
+
+
+def test_only_what_a_shared_number_says_is_checked_and_what_goes_together(tmp_path):
+    """A place far out on an arm was taken to be on the ring, too, a route that nobody drives was refused, and
+    lists of two lengths ended in an IndexError."""
+    read = fitted(
+        tmp_path,
+        """
+        network: roundabout
+        shared: {which: {choice: [0, 1]}}
+        ego: {route: {from: {choice: [south, north, nowhere], shared: which},
+                      turn: {choice: [left, straight], shared: which}}}
+        events:
+          - {kind: slippery_patch, lane: {choice: [north_out_0, ring_south_0], shared: which},
+             at: {choice: [60, 3], shared: which}, length: 4, friction: 0.3}
+          - {kind: hard_brake, vehicle: {from: {choice: [east, west], shared: which}, turn: left}}
+        """,
+    )
+    assert {(p.ego.origin, p.ego.turn) for p in map(read.plan, range(8))} == {
+        ("south", "left"),
+        ("north", "straight"),
+    }
+    with pytest.raises(ScenarioError, match=r"events\.0\.at: 60 m lies beyond 'ring_south_0'"):
+        fitted(
+            tmp_path,
+            """
+            network: roundabout
+            shared: {which: {choice: [0, 1]}}
+            events:
+              - {kind: slippery_patch, lane: {choice: [north_out_0, ring_south_0], shared: which},
+                 at: {choice: [3, 60], shared: which}, length: 4, friction: 0.3}
+            """,
+        )
+
+
+@pytest.mark.parametrize("place", ["lane: north_out_0, at: {shared: far}", "position: [{shared: far}, 3]"])
+def test_a_shared_number_that_is_wrong_is_reported_once(tmp_path, place):
+    with pytest.raises(ScenarioError) as caught:
+        fitted(
+            tmp_path,
+            f"""
+            shared: {{far: {{uniform: [5]}}}}
+            ego: {{distance: {{shared: far}}}}
+            events:
+              - {{kind: accident, vehicles: [{{{place}}}]}}
+            """,
+        )
+    assert str(caught.value).endswith("shared.far.uniform: expected 2 values, got 1")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("which", ["{shared: w}", "{choice: [0, 1]}", "{choice: [1, 0], shared: w}"])
+def test_who_is_the_same_may_be_drawn(tmp_path, which):
+    read = fitted(
+        tmp_path,
+        f"""
+        shared: {{w: {{choice: [0, 1]}}}}
+        events:
+          - {{kind: hard_brake}}
+          - {{kind: hard_brake, vehicle: oncoming}}
+          - {{kind: hard_brake, vehicle: same, when: {{event_state: {{event: {which}}}}}}}
+        """,
+    )
+    assert {float(read.plan(seed).events[2].when.event_state.event) for seed in range(12)} == {0.0, 1.0}
+
+
+def test_shares_that_a_shared_number_makes_0_in_turn_are_none_that_are_all_0(tmp_path):
+    shares = {"east": {"choice": [0, 1], "shared": "w"}, "west": {"choice": [1, 0], "shared": "w"}}
+    assert scenario(shared={"w": {"choice": [0, 1]}}, traffic={"from": shares}).plan(1)
+    with pytest.raises(ValidationError, match="all shares can be drawn as 0"):
+        scenario(shared={"w": {"choice": [0, 1]}}, traffic={"from": {"east": shares["east"]}})
 
 
 def test_what_does_not_fit_the_network_is_said_at_its_place_beside_a_shared_number(tmp_path):
