@@ -40,7 +40,7 @@ from typing import Literal
 import numpy as np
 
 from rudc.agents.hidden import speed_by_sight
-from rudc.agents.poor_roads import BRAKING, POOR, USABLE, careful
+from rudc.agents.poor_roads import BRAKING, POOR, careful
 from rudc.agents.probe import FALLEN, LONGEST_S, Probe
 from rudc.agents.slide import Slide
 from rudc.arrays import Array
@@ -49,6 +49,7 @@ from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.safety.plant import DECISION_S, ORDINARY, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import others_later
+from rudc.safety.tyres import USABLE
 from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
 from rudc.world.scene import STANDING, Scene

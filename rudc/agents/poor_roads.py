@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 
+from rudc.safety.tyres import USABLE
 from rudc.world.scene import Scene
 
-USABLE = 0.9
-"""share of mu g that a command may ask for"""
 BRAKING = 0.6
 """share of mu g that planned braking may ask for"""
 POOR = 6.0

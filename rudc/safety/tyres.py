@@ -19,7 +19,7 @@ from rudc.world.kernels import slip_of, widest, within_friction
 from rudc.world.scene import Scene
 
 USABLE = 0.9
-"""share of the grip that braking may use"""
+"""share of the grip that a command may ask for"""
 STEERS = 0.73
 """share of the grip that steering may take while the ego stops"""
 BRAKES = math.sqrt(1.0 - STEERS**2)

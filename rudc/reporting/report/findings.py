@@ -10,7 +10,7 @@ from rudc.evaluation.columns import METRICS
 from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.tables import cell
 from rudc.evaluation.text import rate_decimals
-from rudc.evaluation.unfinished import Asked
+from rudc.evaluation.unfinished import Asked, none_yet
 from rudc.hints import listed
 from rudc.reporting.report.episodes import Episodes
 
@@ -53,13 +53,7 @@ def _size_so_far(episodes: Episodes, wanted: Asked) -> str:
     """Of an unfinished sweep: what was asked for, and of what there is nothing yet."""
     size = _product(len(wanted.scenarios), len(wanted.agents), len(wanted.seeds), wanted.swept)
     said = f"{len(episodes.rows)} of {wanted.episodes} episodes so far, of {size}{_errors(episodes)}"
-    for what, names, begun in (
-        ("scenario", wanted.scenarios, episodes.scenarios),
-        ("agent", wanted.agents, episodes.agents),
-    ):
-        if none := [name for name in names if name not in begun]:
-            said += f"; none yet of the {what}{'s' * (len(none) > 1)} {listed(none, _LISTED)}"
-    return f"{said}."
+    return "; ".join((said, *none_yet(wanted, episodes.scenarios, episodes.agents))) + "."
 
 
 def _product(scenarios: int, agents: int, seeds: int, swept: Sequence[str]) -> str:
